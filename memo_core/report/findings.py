@@ -105,7 +105,11 @@ def gather(registry: Any, folder: Path) -> Findings:
 
 
 def _backend(settings: dict[str, Any]) -> str:
-    llm = settings["llm"]
+    eyes = settings.get("perception", {}).get("llm")
+    return _model(settings["llm"]) + (f"; looks: {_model(eyes)}" if eyes else "")
+
+
+def _model(llm: dict[str, Any]) -> str:
     model = llm.get("model") or (llm.get("inner") or {}).get("model")
     return f"{llm['backend']} ({model})" if model else str(llm["backend"])
 

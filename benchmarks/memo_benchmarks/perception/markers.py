@@ -16,7 +16,7 @@ from memo_core.scene.pose import Array, Pose, quaternion_from_rotation
 SIDE = 0.05  # m, of a marker's black square
 DICTIONARY = "4x4_50"
 _MARGIN = 0.15  # of the side, white around the square
-_THIN = 0.0004  # m
+_THIN = 0.0004  # m, of the plate and of the cells: a marker's face is twice that before the place it is said to be at
 _GAPS = (0.08, 0.01)  # m beside the handle, whose bar hides what is near it; the first for which there is room
 _INTO = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])  # a box's axes in a marker's frame, as columns
 
