@@ -172,6 +172,20 @@ def test_a_pose_needs_the_extents_of_the_box():
         TaggedThing(3, "handle", side=0.05)
 
 
+def test_a_marker_renames_what_carries_it_and_one_that_is_not_listed_renames_nothing():
+    seen = tag_frame("front", EYE, 1)
+    masks = {}
+    for number, label in ((3, "bottle"), (7, "box")):
+        u, v = seen.project(np.array(TAGS[number].position))[0]
+        masks[label] = np.zeros((480, 640), dtype=bool)
+        masks[label][int(v) - 60 : int(v) + 60, int(u) - 60 : int(u) + 60] = True
+    first = Says(*(Detection(label, masks={"front": mask}) for label, mask in masks.items()))
+    chain = Chain([first, TagsDetector(TagsSettings(things=(TaggedThing(3, "salt shaker"),)))])
+    found = {one.label: one for one in chain.detect(Request((seen,)))}
+    assert set(found) == {"salt shaker", "box"}
+    assert found["salt shaker"].masks["front"].sum() == 120 * 120
+
+
 # -- two sources -------------------------------------------------------------------------------------------------------
 
 ONE, OTHER = SimulatedSettings(cameras=("right",), noise="d435"), SimulatedSettings(cameras=("left",), noise="femto")

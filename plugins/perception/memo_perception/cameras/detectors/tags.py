@@ -24,8 +24,8 @@ _INTO = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])  # a box
 
 
 class TagsDetector(Detector):
-    """See the module. A tag whose number the settings do not name is on an unknown thing; one number may tell the poses
-    of several things, such as a door and its handle."""
+    """See the module. A tag whose number the settings do not name is on an unknown thing, unless it is in a chain; one
+    number may tell the poses of several things, such as a door and its handle."""
 
     def __init__(self, settings: TagsSettings | None = None) -> None:
         self.settings = settings or TagsSettings()
@@ -39,10 +39,11 @@ class TagsDetector(Detector):
             corners, numbers = found_corners(cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY), self.settings.dictionary)
             for square, number in zip(corners, numbers, strict=True):
                 seen.setdefault(number, []).append(Sighting(frame, square))
+        unlisted: list[TaggedThing | None] = [] if self.refines else [None]  # in a chain another stage names it
         found = [
             _detection(number, thing, seen[number], request)
             for number in sorted(seen)
-            for thing in self._named.get(number, [None])
+            for thing in self._named.get(number, unlisted)
         ]
         whole = [one for one in found if one is not None]
         if not self.refines:  # else the chain knows what owners there are
