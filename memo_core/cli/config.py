@@ -104,8 +104,9 @@ def _missing(experiment: Experiment) -> list[str]:
     """Requirements of the chosen backends that this machine lacks, such as a key: no mistake of the file."""
     from memo_core.config.experiment import Choice
 
-    values = [*experiment.choices.values(), *experiment.skills]
-    for section in experiment.sections.values():
+    values: list[object] = [*experiment.choices.values(), *experiment.skills]
+    settings = [choice.settings for choice in (*experiment.choices.values(), *experiment.skills)]
+    for section in (*experiment.sections.values(), *settings):
         for value in attrs.asdict(section, recurse=False).values():
             values += value if isinstance(value, tuple) else [value]
     found = [value.unavailable() for value in values if isinstance(value, Choice)]

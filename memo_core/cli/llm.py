@@ -40,9 +40,12 @@ def check(
     Nothing moves and nothing is learnt. Exit code 1 if an answer could not be read, or the model could not be asked.
     """
     from memo_core.evaluation.sections import ALL_SECTIONS
+    from memo_core.runs.factories import perception_model
     from memo_core.runs.model_check import check_model
 
     _, experiment = load(one_file(file, config), overrides, sections=ALL_SECTIONS)
+    if perception_model(experiment) is not None:
+        note("memo: perception.llm is not asked here; memo see asks it once")
     with stopping() as stop:
         try:
             checked = check_model(experiment, stop, _told, partial(_announce, yes))

@@ -89,17 +89,17 @@ def _said(experiment: Experiment, book: str | None) -> tuple[NameCorrection, ...
 
 
 def _asking(experiment: Experiment, opened: ExitStack) -> Ask:
-    """Asks the experiment's model, which is opened with the first question: most detectors ask none."""
+    """Asks the perception's model, which is opened with the first question: most detectors ask none."""
     from memo_core.interfaces.llm import Answer, Request
     from memo_core.process.stop_switch import StopSwitch
     from memo_core.runs.asking import asking
-    from memo_core.runs.factories import budget_of
+    from memo_core.runs.factories import budget_of, models_of
 
     asks: list[Ask] = []
 
     def ask(question: Request) -> Answer:
         if not asks:
-            llm, settings = experiment.create("llm"), experiment.section("run")
+            llm, settings = models_of(experiment)[-1].create(), experiment.section("run")
             budget = budget_of(settings, "see")
             llm.open()
             opened.callback(llm.close)

@@ -199,6 +199,8 @@ class Checker:
         if value is None and type(None) in options:
             return None
         others = [option for option in options if option is not type(None)]
+        alike = [option for option in others if _shape(option) is type(value)]
+        others = alike if len(alike) == 1 else others  # whose mistakes are then told exactly
         if len(others) == 1:
             return self.value(value, others[0], path)
         reported = list(self.issues)
@@ -315,6 +317,14 @@ class Checker:
                 self.wrong((*path, key_of(field)), _said(error))
                 found = True
         return found
+
+
+def _shape(wanted: Any) -> type | None:
+    """The plain type of a value for this type: dict, list, or None for anything else."""
+    origin = typing.get_origin(wanted) or wanted
+    if origin in (dict, abc.Mapping) or (isinstance(wanted, type) and attrs.has(wanted)):
+        return dict
+    return list if origin in (list, tuple, set, frozenset, abc.Sequence) else None
 
 
 def _said(error: BaseException) -> str:

@@ -34,7 +34,7 @@ from memo_core.plugins.registry import Registry
 from memo_core.process.stop_switch import StopSwitch
 from memo_core.runlog.whole_files import write_whole
 from memo_core.runs.code_digest import code_digest
-from memo_core.runs.factories import task_of, world_of
+from memo_core.runs.factories import models_of, task_of, world_of
 from memo_core.runs.folder import nested
 from memo_core.runs.resuming import check_config
 from memo_core.runs.run import check_release
@@ -169,7 +169,8 @@ def _groups(
 ) -> list[Group]:
     """What is left to do, by scene where runs may be shared, else trial by trial."""
     config = folder / "evaluation" / CONFIG
-    shared = settings.reuse and not settings.replay and experiment.create("llm").deterministic
+    deterministic = all(model.create().deterministic for model in models_of(experiment))
+    shared = settings.reuse and not settings.replay and deterministic
     groups: dict[Any, list[Trial]] = {}
     for trial in trials:
         alone = not shared or trial.mode == "corrected"

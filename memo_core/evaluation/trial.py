@@ -41,7 +41,7 @@ from memo_core.policy.learnt_functions import used_by
 from memo_core.policy.method_interface import LanguageMethod
 from memo_core.process.stop_switch import StopSwitch
 from memo_core.runlog.whole_files import write_whole
-from memo_core.runs.factories import book_of, environment_of, task_of, world_of
+from memo_core.runs.factories import book_of, environment_of, models_of, task_of, world_of
 from memo_core.runs.folder import json_text, nested
 from memo_core.runs.idempotent_run import do_one, public
 from memo_core.runs.record_replay import recorded, replayed
@@ -291,7 +291,7 @@ def _shared(load: Load, place: Place, trial: Trial, group: Sequence[Trial]) -> d
     """The row of a trial that has been run and would come out the same; None where there is none."""
     experiment = experiment_of(load, trial)
     settings: EvaluationSettings = experiment.section("evaluation")
-    deterministic: bool = experiment.create("llm").deterministic
+    deterministic = all(model.create().deterministic for model in models_of(experiment))
     if (
         not settings.reuse
         or settings.replay

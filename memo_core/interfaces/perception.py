@@ -42,6 +42,9 @@ class Perception(ABC):
     def use_model(self, ask: Ask) -> None:
         """Receive access to the language model, if there is one; called before ``start``. By default ignored.
 
+        It is the experiment's, or the one that the backend's settings name in a field ``llm``
+        (``metadata={"backend": "llm"}``), which users write as ``perception.llm``.
+
         Args:
             ask: answers a request within the run's budget; raises ``LanguageModelError``, ``BudgetExceeded`` or
                 ``Stopped``.

@@ -17,7 +17,8 @@ def made_with(settings: Mapping[str, Any]) -> str:
         One line for headings and notes.
     """
     parts = [("language backend", settings.get("llm")), _world(settings), ("perception", settings.get("perception"))]
-    parts += [("suite", settings.get("suite"))]
+    eyes = (settings.get("perception") or {}).get("llm")
+    parts += [("model of perception", eyes), ("suite", settings.get("suite"))]
     return "; ".join(f"{kind}: {named(section)}" for kind, section in parts if section)
 
 

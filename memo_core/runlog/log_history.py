@@ -26,6 +26,7 @@ class LogEntry:
     answered: bool = False  # a person said what a stop before it was about
     late: dict[str, Any] | None = None  # what a model call that was abandoned came to
     cut: bool = False  # it does not count any more: a resumed run does it anew
+    aside: bool = False  # it happened within another effect or in another thread, and is not replayed in order
 
 
 @attrs.frozen(eq=False)
@@ -43,7 +44,7 @@ class History:
     @property
     def replayed(self) -> tuple[LogEntry, ...]:
         """The effects that are replayed in a resumed run; the last one may have no end."""
-        return tuple(entry for entry in self.effects if not entry.cut)
+        return tuple(entry for entry in self.effects if not (entry.cut or entry.aside))
 
 
 def read_history(folder: Path, records: Sequence[dict[str, Any]]) -> History:
@@ -72,7 +73,7 @@ def read_history(folder: Path, records: Sequence[dict[str, Any]]) -> History:
                 book = (int(record["book"]), last)
         except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
             raise damaged(folder / FILE, line, f"{type(error).__name__}: {error}") from None
-    cut = _first_not_replayed([entry for entry in effects.values() if not entry.cut])
+    cut = _first_not_replayed([entry for entry in effects.values() if not (entry.cut or entry.aside)])
     if cut is not None:
         _cut(effects.values(), cut)
     return History(head, tuple(effects.values()), tuple(parts), ended, wall + last - first, book, cut)
@@ -83,7 +84,7 @@ def _begin(effects: dict[int, LogEntry], record: dict[str, Any]) -> None:
     if number in effects:
         effects[number].begun += 1
     else:
-        effects[number] = LogEntry(number, str(record["begin"]), str(record["about"]))
+        effects[number] = LogEntry(number, str(record["begin"]), str(record["about"]), aside=bool(record.get("aside")))
 
 
 def _end(entry: LogEntry, record: dict[str, Any]) -> None:

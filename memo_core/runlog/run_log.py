@@ -78,7 +78,7 @@ class InDoubt(MemoError):
 
 
 class RunLog:
-    """The log of one run. ``effect`` belongs to one thread; ``late`` may be called from any."""
+    """The log of one run. ``effect`` belongs to one thread; ``aside`` and ``late`` may be called from any."""
 
     def __init__(
         self, folder: Path | None = None, history: History | None = None, seen: frozenset[str] = frozenset()
@@ -93,6 +93,8 @@ class RunLog:
         self.live = history is None  # whether anything happened that was not answered from the log
         self._replay = deque(history.replayed if history is not None else ())
         self._kept = _kept_answers(history)
+        self._open_asides = _open_asides(history)
+        self._numbering = threading.Lock()
         self._done: list[LogEntry] = []
         self._next = max((entry.number for entry in history.effects), default=0) + 1 if history is not None else 1
         self._before_live: list[Callable[[], None]] = []
@@ -221,7 +223,7 @@ class RunLog:
         self.live = True
         entry = begun
         if entry is None:
-            entry, self._next = LogEntry(self._next, kind.name, about), self._next + 1
+            entry = LogEntry(self._number(), kind.name, about)
         self._advance(entry)
         self._inside = True
         try:
@@ -242,6 +244,34 @@ class RunLog:
             raise
         finally:
             self._inside = False
+
+    def _number(self) -> int:
+        with self._numbering:
+            number, self._next = self._next, self._next + 1
+        return number
+
+    def aside(
+        self, kind: Effect[T], about: str, do: Callable[[int], T], recover: Callable[[int], T | None] | None = None
+    ) -> T:
+        """Log an effect that happens within another effect or in another thread, such as a question asked in a look.
+
+        A resumed run does not replay it in order: what encloses it is answered as a whole, or takes place again, and
+        then finds the result by ``about`` (``kept``). Arguments as for ``effect``.
+        """
+        begun = self._open_asides.pop(about, None)
+        entry = LogEntry(self._number() if begun is None else begun, kind.name, about, aside=True)
+        try:
+            found = recover(entry.number) if begun is not None and recover is not None else None
+            if found is None:
+                record = {"n": entry.number, "begin": kind.name, "about": about, "aside": True}
+                self._append(record, sync=kind.outside)
+                found = do(entry.number)
+        except MemoError as error:
+            if isinstance(error, (*kind.errors, Stopped)):
+                self._raised(kind, entry, error)
+            raise
+        self._end(kind, entry, found)
+        return found
 
     def _advance(self, entry: LogEntry) -> None:
         self._done.append(entry)
@@ -264,8 +294,8 @@ class RunLog:
         self._append({"late": number, "value": value}, sync=True)
 
     def kept(self, about: str) -> Any:
-        """The value of a finished effect that could not be replayed in order because it was abandoned or cut; each
-        value is returned once. None if there is none."""
+        """The value of a finished effect that could not be replayed in order because it was abandoned, cut or an aside;
+        each value is returned once. None if there is none."""
         values = self._kept.get(about)
         return values.popleft() if values else None
 
@@ -304,6 +334,31 @@ class RunLog:
             self._file.append(record, sync)
 
 
+class AsideLog(RunLog):
+    """A run's log for calls within its effects or from other threads: what changes something outside the process is
+    logged by ``RunLog.aside``, anything else just happens."""
+
+    def __init__(self, log: RunLog) -> None:
+        super().__init__(log.folder)
+        self._log = log
+
+    def effect(
+        self,
+        kind: Effect[T],
+        about: str,
+        do: Callable[[int], T],
+        recover: Callable[[int], T | None] | None = None,
+        equivalent: Callable[[int, str], bool] = lambda number, logged: False,
+    ) -> T:
+        return self._log.aside(kind, about, do, recover) if kind.outside else do(0)
+
+    def late(self, number: int, value: dict[str, Any]) -> None:
+        self._log.late(number, value)
+
+    def kept(self, about: str) -> Any:
+        return self._log.kept(about)
+
+
 def _error_of(kind: Effect[Any], entry: LogEntry) -> MemoError:
     record = dict(entry.raised or {})
     name = record.pop("type")
@@ -315,9 +370,15 @@ def _error_of(kind: Effect[Any], entry: LogEntry) -> MemoError:
 def _kept_answers(history: History | None) -> dict[str, deque[Any]]:
     kept: dict[str, deque[Any]] = {}
     for entry in history.effects if history is not None else ():
-        if entry.cut or entry.late is not None:
+        if entry.cut or entry.aside or entry.late is not None:
             _keep_answer(kept, entry)
     return kept
+
+
+def _open_asides(history: History | None) -> dict[str, int]:
+    """Asides without an end: about -> number."""
+    effects = history.effects if history is not None else ()
+    return {one.about: one.number for one in effects if one.aside and not one.ended and one.late is None}
 
 
 def _keep_answer(kept: dict[str, deque[Any]], entry: LogEntry) -> None:

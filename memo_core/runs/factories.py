@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from memo_core.config import Experiment
+from memo_core.config import Choice, Experiment
 from memo_core.environment.hardware import HardwareEnvironment, World
 from memo_core.environment.simulated import SimulatedEnvironment, find_task
 from memo_core.errors import BackendUnavailable
@@ -110,6 +110,19 @@ def world_of(experiment: Experiment, task: Task, seed: int) -> World:
         perception=experiment.create("perception"),
         link=lambda simulator, robot: driver.link(robot, gripper, simulator),
     )
+
+
+def perception_model(experiment: Experiment) -> Choice | None:
+    """The language model that the perception's own settings name (``perception.llm``); None: the experiment's."""
+    perception = experiment.choices.get("perception")
+    model: Choice | None = getattr(perception.settings, "llm", None) if perception is not None else None
+    return model
+
+
+def models_of(experiment: Experiment) -> tuple[Choice, ...]:
+    """The language models of a run: the experiment's, and the perception's own if it names one."""
+    own = perception_model(experiment)
+    return (experiment.choice("llm"), *(() if own is None else (own,)))
 
 
 def sandbox_of(experiment: Experiment) -> Sandbox:

@@ -1,5 +1,5 @@
-"""The options ``--record`` and ``--replay``: an experiment whose language model is recorded or replayed. The core names
-no backend; it uses the one whose descriptor has ``replays``.
+"""The options ``--record`` and ``--replay``: an experiment whose language models, the perception's own included, are
+recorded or replayed. The core names no backend; it uses the one whose descriptor has ``replays``.
 """
 
 from __future__ import annotations
@@ -14,17 +14,16 @@ from memo_core.config import Choice, Experiment, Origin, ShownValue
 from memo_core.errors import BackendUnavailable, InvalidArgument
 from memo_core.interfaces.backend import Backend
 from memo_core.plugins.registry import Registry
+from memo_core.runs.factories import perception_model
 
 
 def recorded(experiment: Experiment, registry: Registry, file: Path) -> Experiment:
-    """The same experiment with every call of its language model appended to ``file``. Raises ``BackendUnavailable`` if
+    """The same experiment with every call of its language models appended to ``file``. Raises ``BackendUnavailable`` if
     no plugin records, ``InvalidArgument`` for a file that cannot be written."""
     if file.is_dir():
         raise InvalidArgument("--record", f"{file}: is a folder", "a file to add to, or the name of a new one")
-    inner = experiment.choice("llm")
-    settings = {"file": str(file), "record": True}
-    shown = [attrs.evolve(v, path=f"llm.inner{v.path[3:]}") for v in experiment.values if v.path.startswith("llm.")]
-    return _with_model(experiment, _recorder(registry), settings | {"inner": inner}, settings, shown, "--record")
+    experiment.choice("llm")  # there must be one
+    return _with_models(experiment, _recorder(registry), {"file": str(file), "record": True}, "--record")
 
 
 def replayed(experiment: Experiment, registry: Registry, file: Path, **settings: Any) -> Experiment:
@@ -34,7 +33,7 @@ def replayed(experiment: Experiment, registry: Registry, file: Path, **settings:
         problem = "is a folder" if file.is_dir() else "there is no such file"
         raise InvalidArgument("--replay", f"{file}: {problem}", "a file that --record wrote")
     given = {"file": str(file)} | settings
-    return _with_model(experiment, _recorder(registry), given, given, [], "--replay")
+    return _with_models(experiment, _recorder(registry), given, "--replay")
 
 
 def shipped(experiment: Experiment) -> tuple[Path, int]:
@@ -59,20 +58,32 @@ def _recorder(registry: Registry) -> Backend:
     raise BackendUnavailable("llm", "recording", "no installed plugin records language models")
 
 
-def _with_model(
-    experiment: Experiment,
-    backend: Backend,
-    settings: dict[str, Any],
-    said: dict[str, Any],
-    inner: list[ShownValue],
-    option: str,
-) -> Experiment:
-    try:
-        chosen = Choice(backend, backend.config(**settings))
-    except InvalidArgument as error:
-        raise InvalidArgument(option, error.problem, error.expected) from None
-    origin = Origin(option)
-    values = [ShownValue("llm.backend", backend.name, origin)]
-    values += [ShownValue(f"llm.{name}", value, origin) for name, value in said.items()]
-    others = [value for value in experiment.values if not value.path.startswith("llm.")]
-    return attrs.evolve(experiment, choices={**experiment.choices, "llm": chosen}, values=(*others, *values, *inner))
+def _with_models(experiment: Experiment, backend: Backend, settings: dict[str, Any], option: str) -> Experiment:
+    """The experiment with ``backend`` in place of each language model, or around it (``inner``) if it records."""
+
+    def chosen(inner: Choice | None) -> Choice:
+        around = {"inner": inner} if settings.get("record") else {}
+        try:
+            return Choice(backend, backend.config(**settings, **around))
+        except InvalidArgument as error:
+            raise InvalidArgument(option, error.problem, error.expected) from None
+
+    choices = {**experiment.choices, "llm": chosen(experiment.choices.get("llm"))}
+    values = _shown(experiment.values, "llm", backend, settings, option)
+    if (own := perception_model(experiment)) is not None:
+        perception = choices["perception"]
+        choices["perception"] = attrs.evolve(perception, settings=attrs.evolve(perception.settings, llm=chosen(own)))
+        values = _shown(values, "perception.llm", backend, settings, option)
+    return attrs.evolve(experiment, choices=choices, values=values)
+
+
+def _shown(
+    values: tuple[ShownValue, ...], path: str, backend: Backend, settings: dict[str, Any], option: str
+) -> tuple[ShownValue, ...]:
+    """The values of an experiment with those of ``path`` replaced, the former ones under ``inner`` if it records."""
+    former = [value for value in values if value.path.startswith(f"{path}.")]
+    inner = [attrs.evolve(one, path=f"{path}.inner{one.path[len(path) :]}") for one in former]
+    said = {"backend": backend.name, **settings}
+    own = [ShownValue(f"{path}.{name}", value, Origin(option)) for name, value in said.items()]
+    others = [value for value in values if value not in former]
+    return (*others, *own, *(inner if settings.get("record") else ()))

@@ -38,7 +38,16 @@ from memo_core.runlog.run_log import RunLog
 from memo_core.runlog.whole_files import clear_unfinished
 from memo_core.runs.asking import asking
 from memo_core.runs.consolidation import AfterRun, after_run, in_background
-from memo_core.runs.factories import book_of, budget_of, library_of, prompts_of, sandbox_of, task_of, world_of
+from memo_core.runs.factories import (
+    book_of,
+    budget_of,
+    library_of,
+    perception_model,
+    prompts_of,
+    sandbox_of,
+    task_of,
+    world_of,
+)
 from memo_core.runs.filming import Filmed
 from memo_core.runs.folder import RunFolder, new_run_folder
 from memo_core.runs.method_code import run_method
@@ -139,6 +148,7 @@ class RunComponents:
     book: Skillbook | None = None
     teacher: Teacher | None = None
     prompts: Prompts = attrs.field(factory=Prompts)
+    perception_llm: LanguageModel | None = None  # asked by perception; None: ``llm``
     clustering: AfterRun | None = None  # condensing the book at the end
     teaching: TeachingSettings = attrs.field(factory=TeachingSettings)
     functions: FunctionUse = "call"
@@ -237,6 +247,7 @@ def components_of(
     return RunComponents(
         method=experiment.create("method"),
         llm=llm,
+        perception_llm=seeing.create() if (seeing := perception_model(experiment)) is not None else None,
         make_environment=make_environment,
         sandbox=sandbox_of(experiment),
         skills=library_of(experiment),
@@ -492,15 +503,17 @@ class _Run:
         is opened here."""
         made, stop = self.components, self.supervisor.stop
         with ExitStack() as opened:
-            made.llm.open()
-            opened.callback(made.llm.close)
-            self.budget.open(made.llm)
+            seeing = made.perception_llm or made.llm
+            for llm in dict.fromkeys((made.llm, seeing)):
+                llm.open()
+                opened.callback(llm.close)
+                self.budget.open(llm)
             if made.book is not None:
                 self._note_book(opened.enter_context(made.book))
             opened.callback(made.sandbox.close)
             made.sandbox.open()
             world = made.make_environment()
-            world.perception.use_model(asking(made.llm, stop, self.tell, self.budget, made.settings))
+            world.perception.use_model(asking(seeing, stop, self.tell, self.budget, made.settings, self.log))
             world.perception.show_looks(self.folder.add_look)
             if made.book is not None and names_things(world.perception):
                 world.perception.correct_names(made.book.name_corrections())

@@ -13,7 +13,7 @@ from memo_perception.cameras.geometry.fitting import Seen, extents
 from memo_perception.cameras.memory import HIDDEN
 from memo_perception.cameras.settings import CamerasSettings, SimulatedSettings
 
-from memo_core.errors import InvalidArgument
+from memo_core.errors import InvalidArgument, UnknownName
 from memo_core.scene.description import Geom
 from memo_core.scene.pose import Pose
 from memo_core.testing.perception import check_perception
@@ -117,8 +117,10 @@ def test_wrong_settings_are_named():
         eyes.start(context)
         with pytest.raises(InvalidArgument, match=r"no camera 'behind'.*right, left"):
             eyes.look()
-    with pytest.raises(ValueError, match="source"):
+    with pytest.raises(UnknownName, match="source 'telescope'"):
         CamerasSettings(source="telescope")
+    with pytest.raises(InvalidArgument, match=r"perception.detector: .points, points.* different names"):
+        CamerasSettings(detector=("points", "points"))
 
 
 def test_a_picture_in_which_a_thing_is_half_covered_does_not_say_how_long_it_is():

@@ -15,6 +15,7 @@ from memo_perception.cameras.settings import DeviceCamera, OrbbecSettings, Reals
 from memo_perception.cameras.sources.devices import WARM_UP, Shot, straightened
 from memo_perception.cameras.sources.orbbec import OrbbecSource
 from memo_perception.cameras.sources.realsense import RealsenseSource
+from memo_perception.cameras.sources.together import Together
 
 from memo_core.errors import BackendUnavailable, InvalidArgument
 from memo_core.scene.pose import Pose
@@ -306,3 +307,23 @@ def test_a_library_that_is_not_installed_is_named_with_its_package(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyrealsense2", None)
     with pytest.raises(BackendUnavailable, match="pip install pyrealsense2"):
         RealsenseSource(RealsenseSettings()).open()
+
+
+class TestTwoMakes:
+    def together(self, realsense: FakeRealsense, orbbec: FakeOrbbec) -> Together:
+        side = RealsenseSettings(devices=(DeviceCamera("side", "456"),))
+        front = OrbbecSettings(devices=(DeviceCamera("front", "123"),))
+        return Together([RealsenseSource(side, realsense), OrbbecSource(front, orbbec)])
+
+    def test_their_cameras_are_one_set_of_views(self):
+        source = self.together(FakeRealsense("456"), FakeOrbbec("123"))
+        source.open()
+        assert [frame.name for frame in source.capture()] == ["side", "front"]
+        source.close()
+        source.close()
+
+    def test_the_one_that_is_missing_is_named_with_its_make_and_none_is_left_running(self):
+        realsense = FakeRealsense("456")
+        with pytest.raises(BackendUnavailable, match=r"orbbec camera 'front \(123\)'.*not connected"):
+            self.together(realsense, FakeOrbbec()).open()
+        assert not realsense.running

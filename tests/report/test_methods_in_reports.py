@@ -17,6 +17,7 @@ from memo_core.evaluation.table import has_memory, outcomes
 from memo_core.plugins.registry import Registry
 from memo_core.report import beside_the_paper, figures, tables
 from memo_core.report.findings import gather
+from memo_core.report.made_with import made_with
 from memo_core.report.separation import warnings_of
 from memo_core.report.statistics import Outcomes, poolable
 from memo_core.report.writing import write_report
@@ -192,3 +193,13 @@ def test_a_real_robot_is_named_in_place_of_the_simulator(tmp_path):
     findings = gather(Registry(), experiment(tmp_path, settings=SETTINGS | {"robot": robot}))
     assert "robot driver: franka" in findings.made_with and "simulator" not in findings.made_with
     assert list(itertools.chain(findings.method_settings)) == ["policy"]
+
+
+def test_the_model_that_looks_is_named_beside_the_one_that_plans():
+    settings = {
+        "llm": {"backend": "offline"},
+        "perception": {"backend": "cameras", "llm": {"backend": "litellm", "model": "g/er"}},
+    }
+    assert made_with(settings) == (
+        "language backend: offline; perception: cameras; model of perception: litellm (g/er)"
+    )

@@ -21,6 +21,7 @@ EYES = ("perception.backend=cameras", "perception.detector=oracle")
 TRUTH = ("perception.backend=ground-truth", "perception.visible_extents=true")
 MOMENTS = ("start", "ajar", "end")
 SUITES = ("tabletop", "quirks")
+CHAIN_WIDTH = 960  # px: a marker of 50 mm at 1.3 m is 33 wide
 
 
 def perception(
@@ -41,6 +42,13 @@ def perception(
     solutions: Annotated[
         bool, typer.Option("--solutions", help="Instead of looks: the reference solutions with these eyes.")
     ] = False,
+    chain: Annotated[
+        bool,
+        typer.Option(
+            "--chain",
+            help="Instead: a double of a model that points, masks, markers, two makes of cameras.",
+        ),
+    ] = False,
     out: Annotated[
         Path, typer.Option("--out", "-o", metavar="DIR", help="What was measured is kept there and not repeated.")
     ] = Path("runs/bench-perception"),
@@ -58,6 +66,9 @@ def perception(
         if moment not in MOMENTS:
             raise UnknownName("moment", moment, MOMENTS)
     own = list(overrides or ())
+    if chain:
+        _chain(suites or list(SUITES), tasks, range(seeds), moments, calibration, config, own, out, json)
+        return
     eyes = [] if any(one.startswith("perception.backend=") for one in own) else list(EYES)
     looked: list[Looked] = []
     solved: list[Solved] = []
@@ -100,6 +111,50 @@ def perception(
         print_json(report)
     elif solutions:
         _print_solutions(report["solutions"])
+    else:
+        _print_looks(report["looks"])
+
+
+def _chain(
+    suites: list[str],
+    tasks: list[str] | None,
+    seeds: range,
+    moments: list[str],
+    calibration: float,
+    config: Path | None,
+    overrides: list[str],
+    out: Path,
+    json: bool,
+) -> None:
+    from memo_benchmarks.perception.chained import chain_looks
+    from memo_benchmarks.perception.comparing import summary
+
+    looked: list[Looked] = []
+    for suite in dict.fromkeys(suites):
+        here = [f"suite.backend={suite}", *overrides]
+        truth = load(config, [*here, *TRUTH])[1]
+        given = lambda *more, here=here: load(config, [*here, *more])[1]
+        found = _tasks(suite, config, overrides, tasks)
+        folder = out / _name(f"{suite}-chain", overrides, calibration, 3, False)
+
+        def measuring(progress: Any) -> dict[str, Any]:
+            looked.extend(
+                chain_looks(given, truth, found, seeds, moments, calibration, CHAIN_WIDTH, folder, progress)  # noqa: B023
+            )
+            return {}
+
+        with_progress(f"perception, chained ({suite})", measuring)
+    report: dict[str, Any] = {"bench": "perception --chain", "cameras": 3, "seeds": len(seeds)}
+    report |= {"calibration_mm": 1000 * calibration, "width": CHAIN_WIDTH}
+    names = dict.fromkeys(row.variant for row in looked)
+    report["looks"] = {
+        name: summary([row.comparison for row in looked if row.variant == name])
+        | {"looks": sum(row.variant == name for row in looked)}
+        | {"cpu_s": _cpu([row.cpu_s for row in looked if row.variant == name])}
+        for name in names
+    }
+    if json:
+        print_json(report)
     else:
         _print_looks(report["looks"])
 
@@ -163,7 +218,7 @@ def _print_looks(found: dict[str, Any]) -> None:
             )
             for group, values in one["groups"].items()
         ]
-        print_table((f"noise {name}", "n", "mm p50", "p95", "max", "degrees p50", "p95", "max"), rows)
+        print_table((name, "n", "mm p50", "p95", "max", "degrees p50", "p95", "max"), rows)
         print(f"open or closed right: {one['states_right']} of {one['states']}")
         print(f"a look: {one['cpu_s']['p50']} s of CPU, p95 {one['cpu_s']['p95']}")
         for what in ("missed", "invented", "unnamed", "misnamed"):

@@ -20,9 +20,10 @@ from memo_core.config import Experiment
 from memo_core.environment.simulated import SimulatedEnvironment
 from memo_core.environment.task_environment import generator
 from memo_core.environment.task_verification import run_code
-from memo_core.interfaces.perception import PerceptionContext
+from memo_core.interfaces.perception import Ask, PerceptionContext
 from memo_core.interfaces.task import Task
 from memo_core.runs.factories import environment_of, sandbox_of
+from memo_core.scene.graph import SceneGraph
 
 
 @attrs.frozen
@@ -107,16 +108,25 @@ def _look(
                 run_code(world, task.reference_solution, sandbox)
         right = world.perception.glance()
         for variant, experiment in variants.items():
-            eyes = experiment.create("perception")
-            eyes.open()
-            try:
-                eyes.start(_context(world, seed))
-                began = time.process_time()
-                seen = eyes.look()
-                cpu_s = time.process_time() - began
-            finally:
-                eyes.close()
-            yield Looked(variant, task.name, seed, when, round(cpu_s, 3), compare(seen, right, world.description))
+            seen, cpu_s, _ = timed_look(experiment, world, seed)
+            yield Looked(variant, task.name, seed, when, cpu_s, compare(seen, right, world.description))
+
+
+def timed_look(
+    experiment: Experiment, world: SimulatedEnvironment, seed: int, ask: Ask | None = None
+) -> tuple[SceneGraph, float, Any]:
+    """One look with the experiment's perception, which may ``ask`` a model: the graph, CPU time (s), and the closed
+    perception."""
+    eyes = experiment.create("perception")
+    eyes.open()
+    try:
+        if ask is not None:
+            eyes.use_model(ask)
+        eyes.start(_context(world, seed))
+        began = time.process_time()
+        return eyes.look(), round(time.process_time() - began, 3), eyes
+    finally:
+        eyes.close()
 
 
 def _context(world: SimulatedEnvironment, seed: int) -> PerceptionContext:

@@ -19,9 +19,8 @@ from memo_perception.calibration.hand_eye import Mount
 from memo_perception.calibration.poses import PoseProposals
 from memo_perception.cameras.frames import Frame
 from memo_perception.cameras.settings import CamerasSettings
-from memo_perception.cameras.sources import SOURCES
 from memo_perception.cameras.sources.source import Source
-from memo_perception.cameras.stages import stage_of
+from memo_perception.cameras.sources.together import source_from
 
 _BEYOND_FINGERS = 0.06  # m from the tool to the middle of a board in the hand
 _DISTANCES = (0.2, 0.8)  # m from the hand to a board on the table
@@ -174,6 +173,4 @@ def source_of(experiment: Experiment, simulated: bool) -> Source:
             problem = f"'{experiment.choice('perception').backend.name}' has no cameras"
             raise InvalidArgument("perception.backend", problem, "cameras, with perception.source=realsense or another")
         settings = CamerasSettings()
-    source = stage_of("source", SOURCES, settings.source).make(settings)
-    assert isinstance(source, Source)
-    return source
+    return source_from(settings)

@@ -33,20 +33,29 @@ def find_tags(picture: np.ndarray, dictionary: str, size: float, lens: Lens) -> 
     is left out: it says nothing about which is which."""
     grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY) if picture.ndim == 3 else picture
     found, numbers = found_corners(grey, dictionary)
-    half = size / 2
-    square = np.array([[-half, half, 0], [half, half, 0], [half, -half, 0], [-half, -half, 0]])
     for corners, number in zip(found, numbers, strict=True):
         if numbers.count(number) > 1:
             continue
-        count, turns, shifts, errors = cv2.solvePnPGeneric(
-            square, corners, lens.matrix, lens.distortion, flags=cv2.SOLVEPNP_IPPE_SQUARE
-        )
-        if count == 0:
-            continue
-        off = [float(np.ravel(error)[0]) for error in errors]
-        best = int(np.argmin(off))
-        pose = pose_of(turns[best], shifts[best])
-        yield Tag(number, corners, pose, count < 2 or max(off) > _FLIP * max(min(off), 1e-6))
+        poses = tag_poses(corners, size, lens)
+        if poses:
+            off = [error for _, error in poses]
+            yield Tag(number, corners, poses[0][0], len(off) < 2 or off[1] > _FLIP * max(off[0], 1e-6))
+
+
+def tag_corners(size: float) -> Array:
+    """Corners (4, 3) of a tag with sides of ``size`` m in its own frame, clockwise from the top left as printed."""
+    half = size / 2
+    return np.array([[-half, half, 0], [half, half, 0], [half, -half, 0], [-half, -half, 0]])
+
+
+def tag_poses(corners: Array, size: float, lens: Lens) -> list[tuple[Pose, float]]:
+    """The one or two poses in the camera's frame that explain a tag's corners (4, 2) in pixels (Collins and Bartoli,
+    2014), the better first, each with its error (px)."""
+    count, turns, shifts, errors = cv2.solvePnPGeneric(
+        tag_corners(size), corners, lens.matrix, lens.distortion, flags=cv2.SOLVEPNP_IPPE_SQUARE
+    )
+    off = [float(np.ravel(error)[0]) for error in errors[:count]] if count else []
+    return sorted(((pose_of(turns[i], shifts[i]), error) for i, error in enumerate(off)), key=lambda one: one[1])
 
 
 def found_corners(grey: np.ndarray, dictionary: str) -> tuple[list[Array], list[int]]:

@@ -24,6 +24,7 @@ from memo_core.plugin import (
     held_thing,
 )
 from memo_perception.cameras.detectors import DETECTORS
+from memo_perception.cameras.detectors.chain import Chain
 from memo_perception.cameras.detectors.detector import Detection, Detector, Request
 from memo_perception.cameras.frames import Frame
 from memo_perception.cameras.geometry.arm_mask import ArmMask
@@ -36,9 +37,9 @@ from memo_perception.cameras.overlay import overlaid, png
 from memo_perception.cameras.regions import Region
 from memo_perception.cameras.scene_items import items_of
 from memo_perception.cameras.settings import CamerasSettings
-from memo_perception.cameras.sources import SOURCES
 from memo_perception.cameras.sources.source import Source
-from memo_perception.cameras.stages import stage_of
+from memo_perception.cameras.sources.together import source_from
+from memo_perception.cameras.stages import stages_of
 from memo_perception.spatial_relations import spatial_relations
 
 _AT_REST = 0.02  # rad/s of every joint
@@ -55,10 +56,8 @@ class Cameras(Perception):
     ) -> None:
         """``source`` and ``detector`` replace those that the settings name."""
         self.settings = settings or CamerasSettings()
-        self.source: Source = source or stage_of("source", SOURCES, self.settings.source).make(self.settings)
-        self.detector: Detector = detector or stage_of("detector", DETECTORS, self.settings.detector).make(
-            self.settings
-        )
+        self.source: Source = source or source_from(self.settings)
+        self.detector: Detector = detector or _detector(self.settings)
         self.hints: tuple[Hint, ...] = ()
         self._said: tuple[NameCorrection, ...] = ()  # of names, by people
         self.latest: Look | None = None  # everything behind the last graph, for pictures of it
@@ -229,6 +228,11 @@ class Look:
     views: tuple[View, ...]
     detections: tuple[Detection, ...]
     graph: SceneGraph
+
+
+def _detector(settings: CamerasSettings) -> Detector:
+    detectors: list[Detector] = stages_of(DETECTORS, settings.detector, settings)
+    return detectors[0] if len(detectors) == 1 else Chain(detectors)
 
 
 def _noise(views: Sequence[View]) -> float:

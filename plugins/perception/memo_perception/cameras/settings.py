@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Callable, Mapping
+from typing import Any, Literal
 
 import attrs
-from attrs.validators import and_, ge, in_, le, optional
+from attrs.validators import and_, ge, le, optional
 
+from memo_core.plugin import InvalidArgument, UnknownName
 from memo_perception.cameras.detectors import DETECTORS
 from memo_perception.cameras.inventory import Item, Kind
 from memo_perception.cameras.sources import SOURCES
+from memo_perception.cameras.stages import Stage
 
 
 @attrs.frozen
 class SimulatedSettings:
     """Settings of the ``simulated`` source."""
 
+    cameras: tuple[str, ...] = attrs.field(
+        default=(), metadata={"help": "cameras of the scene that it has; empty: all"}
+    )
     noise: Literal["none", "d435", "d405", "femto"] = attrs.field(
         default="none", metadata={"help": "depth noise of this camera over the rendered depth"}
     )
@@ -101,12 +107,24 @@ class LocalSettings:
 
 @attrs.frozen
 class TaggedThing:
-    """What carries a tag."""
+    """A thing that carries a tag. With the tag's ``side`` (m) its pose is the tag's: then ``extents`` are those of its
+    box (m: along the direction into what the tag is stuck to, to the left and up, as printed), ``offset`` is where the
+    box's middle is in the tag's frame (m: x right, y up, z out of the tag), and ``turn`` how the box is turned about
+    its own axes (roll, pitch, yaw; rad)."""
 
     number: int
     label: str
     kind: Kind = "object"
-    part_of: str = ""  # label of another tagged thing
+    part_of: str = ""  # label of another thing
+    side: float = attrs.field(default=0.0, validator=ge(0.0))
+    extents: tuple[float, float, float] | None = None
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __attrs_post_init__(self) -> None:
+        if self.side and (self.extents is None or min(self.extents) <= 0):
+            right = "the three extents of its box (m), all above 0"
+            raise InvalidArgument("extents", f"{self.label!r} takes its pose from tag {self.number}", right)
 
 
 @attrs.frozen
@@ -149,22 +167,47 @@ class OrbbecSettings(DeviceSettings):
     """Settings of the ``orbbec`` source."""
 
 
+def _words(stages: Mapping[str, Stage]) -> Callable[[object, attrs.Attribute[Any], str | tuple[str, ...]], None]:
+    """A validator: the name of a stage, or a list of different names."""
+
+    def check(_: object, field: attrs.Attribute[Any], value: str | tuple[str, ...]) -> None:
+        names = (value,) if isinstance(value, str) else value
+        for name in names:
+            if name not in stages:
+                raise UnknownName(field.name, name, tuple(stages))
+        if not names or len(set(names)) < len(names):
+            listed = ", ".join(names)
+            raise InvalidArgument(f"perception.{field.name}", f"[{listed}]", "one or more different names")
+
+    return check
+
+
 @attrs.frozen
 class CamerasSettings:
     """Settings of the ``cameras`` backend."""
 
-    source: str = attrs.field(
-        default="simulated", validator=in_(tuple(SOURCES)), metadata={"help": "where frames come from"}
+    source: str | tuple[str, ...] = attrs.field(
+        default="simulated",
+        validator=_words(SOURCES),
+        metadata={"help": "where frames come from; or a list of sources"},
     )
-    detector: str = attrs.field(
-        default="inventory", validator=in_(tuple(DETECTORS)), metadata={"help": "what names the things in them"}
+    detector: str | tuple[str, ...] = attrs.field(
+        default="inventory",
+        validator=_words(DETECTORS),
+        metadata={"help": "what names the things in them; or a list of detectors, each of which refines the former"},
+    )
+    llm: Any = attrs.field(  # a Choice: made by the configuration, opened by the run
+        default=None,
+        metadata={"backend": "llm", "help": "language model that looks, with its keys; default: the experiment's"},
     )
     cameras: tuple[str, ...] = attrs.field(default=(), metadata={"help": "cameras to use; empty: all of the source"})
     images: bool = attrs.field(default=False, metadata={"help": "keep RGB and depth in the observation"})
     items: tuple[Item, ...] = attrs.field(
         default=(), metadata={"help": "what may be on the table; empty: what the task's scene lists"}
     )
-    simulated: SimulatedSettings = SimulatedSettings()
+    simulated: SimulatedSettings | tuple[SimulatedSettings, ...] = attrs.field(
+        default=SimulatedSettings(), metadata={"help": "its section; or a list of sections, a source each"}
+    )
     folder: FolderSettings = FolderSettings()
     inventory: InventorySettings = InventorySettings()
     marks: MarksSettings = MarksSettings()

@@ -8,8 +8,6 @@ from typing import Any
 
 import attrs
 
-from memo_core.plugin import UnknownName
-
 
 @attrs.frozen
 class Stage:
@@ -20,16 +18,16 @@ class Stage:
     made_by: str  # "module:class", imported when it is made; called with its settings, or with nothing
     extra: str = ""  # pip extra of memo-perception that brings what it imports
 
-    def make(self, settings: Any) -> Any:
-        """The stage, unopened. ``settings``: a ``CamerasSettings``."""
+    def make(self, settings: Any) -> list[Any]:
+        """The stage, unopened; several if its section is a list. ``settings``: a ``CamerasSettings``."""
         module, name = self.made_by.split(":")
         made_by = getattr(importlib.import_module(module), name)
         own = getattr(settings, self.name, None)
-        return made_by() if own is None else made_by(own)
+        if own is None:
+            return [made_by()]
+        return [made_by(one) for one in (own if isinstance(own, tuple) else (own,))]
 
 
-def stage_of(what: str, stages: Mapping[str, Stage], name: str) -> Stage:
-    """The stage with this name. Raises ``UnknownName`` with what there is."""
-    if name not in stages:
-        raise UnknownName(what, name, tuple(stages))
-    return stages[name]
+def stages_of(stages: Mapping[str, Stage], names: str | tuple[str, ...], settings: Any) -> list[Any]:
+    """The named stages in order, unopened."""
+    return [made for name in ((names,) if isinstance(names, str) else names) for made in stages[name].make(settings)]

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from typing import Literal
 
 import attrs
 import numpy as np
 
-from memo_core.plugin import Ask, PerceptionContext
+from memo_core.plugin import Ask, PerceptionContext, Pose
 from memo_perception.cameras.frames import Frame
 from memo_perception.cameras.inventory import Hint, Item, Kind
 from memo_perception.cameras.regions import Region
@@ -16,9 +17,13 @@ from memo_perception.cameras.regions import Region
 State = Literal["open", "closed", "unclear"]
 
 
+Prompt = tuple[float, ...]  # px: a box (left, top, right, bottom) or a point (x, y)
+
+
 @attrs.frozen(eq=False)
 class Request:
-    """What a detector may look at."""
+    """Input of a detector. ``found``: what earlier stages of a chain detected; ``cut_out_later``: whether a
+    later stage masks what this one only points at."""
 
     frames: tuple[Frame, ...]
     regions: tuple[Region, ...] = ()  # numbered pieces found by geometry; the arm and the bare table are not among them
@@ -26,15 +31,18 @@ class Request:
     hints: tuple[Hint, ...] = ()
     table_height: float = 0.0  # m, base frame
     noise: float = 0.001  # m, standard deviation of depth where the table is
+    found: tuple[Detection, ...] = ()
+    cut_out_later: bool = False
 
 
 @attrs.frozen(eq=False)
 class Detection:
     """One thing, or part of one, that a detector names.
 
-    Where it is: ``masks`` and ``regions`` together (their union). ``part_of`` is the ``key`` of another detection of
-    the same answer. A ``space`` (the inside of a container) may have neither mask nor region: its place follows from
-    what it is part of.
+    Where it is: ``masks`` and ``regions`` together (their union), or ``pose`` and ``size`` (full extents, m) of its box
+    in the base frame, where a marker tells them; ``prompts`` say where a model pointed, by frame. ``part_of`` is the
+    ``key`` of another detection of the same answer. A ``space`` (the inside of a container) may have neither mask nor
+    region: its place follows from what it is part of.
     """
 
     label: str  # what a person calls it, without a number
@@ -47,6 +55,21 @@ class Detection:
     confidence: float = 1.0  # 0 to 1: probability that the name is right
     source: str = ""  # name of the detector
     flag: str = ""  # why this may be wrong, in words; empty: nothing is known against it
+    prompts: dict[str, Prompt] = attrs.field(factory=dict)
+    refines: str = ""  # name of the detection of an earlier stage that this one is about
+    pose: Pose | None = None
+    size: tuple[float, float, float] | None = None
+
+    @property
+    def placed(self) -> bool:
+        """Whether it is anywhere; the place of a space follows from what it is part of."""
+        return bool(self.masks or self.regions or self.pose or self.kind == "space")
+
+    def pixels(self, frame: Frame, regions: Iterable[Region]) -> np.ndarray | None:
+        """Its mask (H, W) in a frame; None if it has none there."""
+        masks = [self.masks[frame.name]] if frame.name in self.masks else []
+        masks += [one.masks[frame.name] for one in regions if one.id in self.regions and frame.name in one.masks]
+        return np.logical_or.reduce(masks) if masks else None
 
     @property
     def name(self) -> str:
@@ -60,6 +83,8 @@ class Detector(ABC):
     asks_model: bool = False  # whether a look costs a question to a language model
     needs_regions: bool = True  # whether requests have regions; they take time to find
     needs_sizes: bool = False  # whether regions have sizes; they take time to measure
+    cuts_out: bool = False  # whether it masks what earlier stages of a chain point at
+    refines: bool = False  # set by a chain: whether there are earlier stages
 
     def open(self) -> None:
         """Raises ``BackendUnavailable`` with the remedy."""

@@ -1,14 +1,15 @@
 """Models on this machine find the things of the inventory by their names; SAM cuts them out, or what lies in a box is
-the regions that geometry found there."""
+the regions that geometry found there. In a chain, SAM cuts out what earlier stages point at."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
+import attrs
 import numpy as np
 
 from memo_core.plugin import InvalidArgument
-from memo_perception.cameras.detectors.detector import Detection, Detector, Request
+from memo_perception.cameras.detectors.detector import Detection, Detector, Prompt, Request
 from memo_perception.cameras.detectors.local_models import Finder, FoundThing, Sam2, finder_of, segmenter_of
 from memo_perception.cameras.detectors.model_answers import Box
 from memo_perception.cameras.detectors.points import Placed, cut_out, exclusive, in_box, merged
@@ -33,29 +34,36 @@ class LocalDetector(Detector):
 
     def open(self) -> None:
         own = self.settings
-        if not own.weights:
-            raise InvalidArgument(
-                "perception.local.weights", "none are named", "a folder with weights of OWLv2, Grounding DINO or SAM 3"
-            )
-        if self._finder is None:
+        if not own.weights and not (own.masks and self.refines):
+            right = "a folder with weights of OWLv2, Grounding DINO or SAM 3"
+            right += "; or perception.local.masks with weights of SAM 2" if self.refines else ""
+            raise InvalidArgument("perception.local.weights", "none are named", right)
+        if own.weights and self._finder is None:
             self._finder = finder_of(own.weights, own.device, own.download)
-            if own.masks:
-                self._segmenter = segmenter_of(own.masks, own.device, own.download)
+        if own.masks and self._segmenter is None:
+            self._segmenter = segmenter_of(own.masks, own.device, own.download)
 
     def close(self) -> None:
         self._finder = self._segmenter = None
 
+    @property
+    def cuts_out(self) -> bool:  # type: ignore[override]
+        return bool(self.settings.masks)
+
     def detect(self, request: Request) -> tuple[Detection, ...]:
         """Raises ``InvalidArgument`` without an inventory: it finds what it is asked for and nothing else."""
+        if self._finder is None and self._segmenter is None:
+            self.open()
+        cut = () if self._segmenter is None else cut_out_found(request, self._segmenter.masks, NAME)
+        return cut if self._finder is None else (*cut, *self._found(request, self._finder))
+
+    def _found(self, request: Request, finder: Finder) -> tuple[Detection, ...]:
         items = {item.label: item for item in request.inventory if item.kind != "space"}
         if not items:
             raise InvalidArgument("perception.items", "none, and no scene", "the names of what may be on the table")
-        if self._finder is None:
-            self.open()
-        assert self._finder is not None
         placed: list[Placed] = []
         for frame in request.frames:
-            found = self._finder.find(frame.rgb, list(items), self.settings.threshold)
+            found = finder.find(frame.rgb, list(items), self.settings.threshold)
             kept = _as_many_as_there_are(_one_a_place(found), items)
             placed += exclusive(list(self._placed(frame, kept, request.regions, items)))
         spaces = [item for item in request.inventory if item.kind == "space"]
@@ -88,6 +96,56 @@ class LocalDetector(Detector):
                 flag=f"the model's score is only {one.score:.2f}" if one.score < _DOUBTFUL else "",
             )
             yield Placed(frame.name, one.name.lower(), detection, _area(one.box))
+
+
+def cut_out_found(
+    request: Request, cut: Callable[[np.ndarray, list[Prompt]], list[np.ndarray]], source: str
+) -> tuple[Detection, ...]:
+    """Masks of what earlier stages of a chain found, refining it.
+
+    Args:
+        request: what was found, with prompts; a thing without one in a picture is cut out in the box around its pixels.
+        cut: masks (H, W) bool of a picture, RGB uint8 (H, W, 3), one for each prompt; an empty one leaves the pixels
+            as they were.
+        source: name of the detector that cuts out.
+
+    Returns:
+        A detection for each that is masked anywhere. A part's pixels are taken from what it is part of.
+    """
+    masks: dict[str, dict[str, np.ndarray]] = {}
+    for frame in request.frames:
+        prompts = {one.name: _prompt(one, frame, request.regions) for one in request.found if one.kind != "space"}
+        asked = {name: prompt for name, prompt in prompts.items() if prompt is not None}
+        found = dict(zip(asked, cut(frame.rgb, list(asked.values())), strict=True))
+        for one in request.found:
+            former = one.pixels(frame, request.regions)
+            mask = found.get(one.name)
+            if mask is not None and mask.any():
+                masks.setdefault(one.name, {})[frame.name] = mask & ~_of_parts(one.name, request.found, found)
+            elif former is not None:
+                masks.setdefault(one.name, {})[frame.name] = former
+    return tuple(
+        attrs.evolve(one, masks=masks[one.name], regions=frozenset(), refines=one.name, source=source)
+        for one in request.found
+        if one.name in masks
+    )
+
+
+def _prompt(one: Detection, frame: Frame, regions: Sequence[Region]) -> Prompt | None:
+    if frame.name in one.prompts:
+        return one.prompts[frame.name]
+    pixels = one.pixels(frame, regions)
+    if pixels is None or not pixels.any():
+        return None
+    rows, columns = np.nonzero(pixels)
+    return float(columns.min()), float(rows.min()), float(columns.max() + 1), float(rows.max() + 1)
+
+
+def _of_parts(name: str, detections: Sequence[Detection], masks: dict[str, np.ndarray]) -> np.ndarray:
+    """Pixels of everything that is part of this thing, however deep; a whole thing may be covered by its parts."""
+    own = [one.name for one in detections if one.part_of == name and one.kind == "part"]
+    parts = [masks[part] | _of_parts(part, detections, masks) for part in own if part in masks]
+    return np.logical_or.reduce(parts) if parts else np.zeros((), dtype=bool)
 
 
 def _one_a_place(found: Sequence[FoundThing]) -> list[FoundThing]:

@@ -1,5 +1,6 @@
 """Models that run on this machine (Hugging Face transformers): finders, which put boxes around what names describe
-(OWLv2, Grounding DINO) or masks over it (SAM 3), and a segmenter, which cuts out what is in a box (SAM 2).
+(OWLv2, Grounding DINO) or masks over it (SAM 3), and a segmenter, which cuts out what is in a box or at a point
+(SAM 2).
 
 Their weights are the user's: a folder, or the name of a repository that has been downloaded. Which kind of model it is,
 its own configuration says.
@@ -16,6 +17,7 @@ import cv2
 import numpy as np
 
 from memo_core.plugin import BackendUnavailable
+from memo_perception.cameras.detectors.detector import Prompt
 from memo_perception.cameras.detectors.model_answers import Box
 
 INSTALL = "pip install './plugins/perception[local]'"
@@ -120,23 +122,35 @@ class Sam3(Finder):
 
 
 class Sam2:
-    """SAM 2 (Ravi et al., 2024): what is in a box."""
+    """SAM 2 (Ravi et al., 2024): what is in a box, or at a point."""
 
     def __init__(self, weights: str, device: str, download: bool) -> None:
         self._model, _ = _loaded("Sam2Model", "", weights, device, download)
         self.side = int(self._model.config.prompt_encoder_config.image_size)
 
-    def masks(self, rgb: np.ndarray, boxes: Sequence[Box]) -> list[np.ndarray]:
-        """A mask (H, W) bool for each box."""
-        if not boxes:
+    def masks(self, rgb: np.ndarray, prompts: Sequence[Prompt]) -> list[np.ndarray]:
+        """A mask (H, W) bool for each prompt."""
+        if not prompts:
             return []
+        pixels = _pixels(rgb, self.side, *_IMAGENET).to(self._model.device)
+        seen = _run(self._model.get_image_embeddings, pixel_values=pixels)
+        found: dict[int, np.ndarray] = {}
+        for length in {len(prompt) for prompt in prompts}:  # boxes and points do not go into one question
+            numbers = [number for number, prompt in enumerate(prompts) if len(prompt) == length]
+            masks = self._cut_out(seen, [prompts[number] for number in numbers], rgb.shape[1], rgb.shape[0])
+            found.update(zip(numbers, masks, strict=True))
+        return [found[number] for number in range(len(prompts))]
+
+    def _cut_out(self, seen: Any, prompts: Sequence[Prompt], wide: int, high: int) -> list[np.ndarray]:
         import torch
 
-        high, wide = rgb.shape[:2]
-        scale = np.array([self.side / wide, self.side / high] * 2)
-        given = torch.tensor(np.asarray(boxes) * scale, dtype=torch.float32)[None].to(self._model.device)
-        pixels = _pixels(rgb, self.side, *_IMAGENET).to(self._model.device)
-        outputs = _run(self._model, pixel_values=pixels, input_boxes=given, multimask_output=False)
+        scale = np.array([self.side / wide, self.side / high] * (len(prompts[0]) // 2))
+        given = torch.tensor(np.asarray(prompts) * scale, dtype=torch.float32)[None].to(self._model.device)
+        asked: dict[str, Any] = {"input_boxes": given}
+        if len(prompts[0]) == 2:
+            inside = torch.ones(1, len(prompts), 1, dtype=torch.int64, device=self._model.device)
+            asked = {"input_points": given[:, :, None], "input_labels": inside}
+        outputs = _run(self._model, image_embeddings=seen, multimask_output=False, **asked)
         return [_resized(one[0].float().cpu().numpy(), wide, high) for one in outputs.pred_masks[0]]
 
 

@@ -2,22 +2,27 @@
 nothing, but it is never wrong about what a pixel belongs to.
 
 Of a body's pixels, those whose true point lies in a part's box belong to the part. States (open, closed) and everything
-metric are left to the geometry.
+metric are left to the geometry. In a chain it takes the place of a segmenter: it masks what earlier stages point at,
+and names nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from memo_core.plugin import Array, Camera, InvalidArgument, PerceptionContext, Pose, SceneDescription, Simulator
-from memo_perception.cameras.detectors.detector import Detection, Detector, Request
+from memo_perception.cameras.detectors.detector import Detection, Detector, Prompt, Request
+from memo_perception.cameras.detectors.local import cut_out_found
+from memo_perception.cameras.detectors.model_answers import Box, overlap
 from memo_perception.cameras.frames import Frame, Intrinsics
 from memo_perception.labelled_things import Thing, labelled_things
 
 LEAST_PIXELS = 12  # of a thing in all pictures together, to be detected
 _PART_MARGIN = 0.004  # m by which a part's box may miss its own surface
+_AT_POINT = 4  # px beside a point within which a thing may be meant
+_FITS = 0.4  # intersection over union of a box with that around a mask, from which the mask may be meant
 _BEFORE = 0.015  # m before a wall, seen from the camera, that must lie in the cavity for the wall to be its lining
 
 
@@ -25,6 +30,7 @@ class OracleDetector(Detector):
     """See the module."""
 
     needs_regions = False
+    cuts_out = True
 
     def __init__(self) -> None:
         self._context: PerceptionContext | None = None
@@ -41,6 +47,18 @@ class OracleDetector(Detector):
         self._heap = {body.name: body.heap for body, _ in context.scene.walk() if body.heap}
 
     def detect(self, request: Request) -> tuple[Detection, ...]:
+        seen = self._seen(request)
+        if not self.refines:
+            return seen
+        frames = {id(frame.rgb): frame.name for frame in request.frames}
+
+        def cut(rgb: np.ndarray, prompts: list[Prompt]) -> list[np.ndarray]:
+            shapes = _with_parts(seen, frames[id(rgb)])
+            return [_prompted(prompt, shapes, rgb.shape[:2]) for prompt in prompts]
+
+        return cut_out_found(request, cut, "oracle")
+
+    def _seen(self, request: Request) -> tuple[Detection, ...]:
         assert self._context is not None and self._context.scene is not None, "detect() before start()"
         cameras = {camera.name: camera for camera in self._context.scene.cameras}
         masks: dict[str, dict[str, np.ndarray]] = {}
@@ -101,6 +119,34 @@ class OracleDetector(Detector):
                     yield thing.id, lining
             elif thing.id == thing.body.name and mask.any():
                 yield thing.id, mask
+
+
+def _with_parts(seen: Sequence[Detection], frame: str) -> list[np.ndarray]:
+    """Masks of a frame: of each thing alone, and with its parts, as a segmenter sees furniture with its doors."""
+    own = {one.name: one.masks[frame] for one in seen if frame in one.masks}
+    whole = dict(own)
+    for one in reversed(seen):  # parts come after what they are part of
+        if one.kind == "part" and one.part_of in whole and one.name in whole:
+            whole[one.part_of] = whole[one.part_of] | whole[one.name]
+    return [*own.values(), *whole.values()]
+
+
+def _prompted(prompt: Prompt, shapes: Sequence[np.ndarray], size: tuple[int, ...]) -> np.ndarray:
+    """The mask whose outline fits a box best, or the smallest one at a point; empty where there is none."""
+    nothing = np.zeros(size, dtype=bool)
+    if len(prompt) == 2:
+        x, y = round(prompt[0]), round(prompt[1])
+        near = (slice(max(0, y - _AT_POINT), y + _AT_POINT + 1), slice(max(0, x - _AT_POINT), x + _AT_POINT + 1))
+        here = [mask for mask in shapes if mask[y, x]] or [mask for mask in shapes if mask[near].any()]
+        return min(here, key=np.count_nonzero, default=nothing)
+    fits = [overlap(_around(mask), (prompt[0], prompt[1], prompt[2], prompt[3])) for mask in shapes]
+    best = int(np.argmax(fits)) if fits else -1
+    return shapes[best] if best >= 0 and fits[best] > _FITS else nothing
+
+
+def _around(mask: np.ndarray) -> Box:
+    rows, columns = np.nonzero(mask)
+    return float(columns.min()), float(rows.min()), float(columns.max() + 1), float(rows.max() + 1)
 
 
 def _owners(scene: SceneDescription) -> dict[str, str]:

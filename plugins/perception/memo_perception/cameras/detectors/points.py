@@ -58,7 +58,7 @@ class PointsDetector(ModelDetector):
         for frame in request.frames:
             reading = self._read(frame, request)
             why = why or (reading.problems[0] if reading.problems and not reading.things else "")
-            placed += exclusive(list(_placed(frame, reading, request.regions)))
+            placed += exclusive(list(_placed(frame, reading, request.regions, request.cut_out_later)))
         found = merged(placed, len(request.frames))
         if not found and why:
             told = f"the model's answer could not be used: {why}"
@@ -81,7 +81,7 @@ def read_points(text: str, convention: Convention, sent: tuple[int, int], size: 
     return read_things(text, lambda said: convention.place(said, sent, size))
 
 
-def _placed(frame: Frame, reading: Reading, regions: Sequence[Region]) -> Iterator[Placed]:
+def _placed(frame: Frame, reading: Reading, regions: Sequence[Region], cut_out_later: bool = False) -> Iterator[Placed]:
     for key, thing in keyed(reading.things):
         numbers: frozenset[int] = frozenset()
         masks: dict[str, np.ndarray] = {}
@@ -91,7 +91,8 @@ def _placed(frame: Frame, reading: Reading, regions: Sequence[Region]) -> Iterat
             numbers = in_box(thing.box, frame, regions)
         elif thing.point is not None:
             numbers = _under(thing.point, frame, regions)
-        if not numbers and (thing.box or thing.point):
+        prompt = thing.box or thing.point
+        if not numbers and prompt and not cut_out_later:
             if regions:
                 flag = "; ".join(filter(None, (flag, "nothing stands out from the table there")))
             if thing.box is None:
@@ -108,6 +109,7 @@ def _placed(frame: Frame, reading: Reading, regions: Sequence[Region]) -> Iterat
             DOUBTFUL if flag else SURE,
             "points",
             flag,
+            {} if prompt is None else {frame.name: prompt},
         )
         yield Placed(frame.name, thing.label.lower(), detection, area)
 
@@ -194,7 +196,7 @@ def merged(placed: list[Placed], pictures: int) -> list[Detection]:
                 flag = f"in another picture it is a {detection.label!r}"
                 doubt = attrs.evolve(other, flag="; ".join(filter(None, (other.flag, flag))), confidence=DOUBTFUL)
                 found[number] = (label, frames, doubt)
-                detection = attrs.evolve(detection, regions=detection.regions - shared)
+                detection = attrs.evolve(detection, regions=detection.regions - shared, prompts={})
         if same >= 0:
             label, frames, other = found[same]
             state = other.state if other.state not in (None, "unclear") else detection.state or other.state
@@ -202,26 +204,33 @@ def merged(placed: list[Placed], pictures: int) -> list[Detection]:
                 other,
                 regions=other.regions | detection.regions,
                 masks=other.masks | detection.masks,
+                prompts=other.prompts | detection.prompts,
                 state=state,
                 part_of=other.part_of or detection.part_of,
                 confidence=max(other.confidence, detection.confidence),
                 flag=other.flag if detection.flag else "",  # seen well in one picture is enough
             )
             found[same] = (label, frames | {one.frame}, joined)
-        elif detection.regions or detection.masks or detection.kind == "space":
+        elif detection.placed or detection.prompts:
             key, number = detection.key, 2
             while any(key == other.key for _, _, other in found):
                 key, number = f"{detection.label} {number}", number + 1
             found.append((one.label, {one.frame}, attrs.evolve(detection, key=key)))
-    keys = {detection.key for _, _, detection in found}
-    told = []
-    for _, _, detection in found:
-        if detection.part_of is None or detection.part_of in keys:
-            told.append(detection)
-        elif detection.kind != "space":
+    return with_owners([detection for _, _, detection in found])
+
+
+def with_owners(found: Sequence[Detection]) -> list[Detection]:
+    """Whole things before their parts. A part of what is not among them is an object, and flagged; such an inside is
+    left out."""
+    names = {one.name for one in found}
+    kept = []
+    for one in found:
+        if one.part_of is None or one.part_of in names:
+            kept.append(one)
+        elif one.kind != "space":
             lost = "what it is part of is seen nowhere"
-            told.append(attrs.evolve(detection, part_of=None, kind="object", confidence=DOUBTFUL, flag=lost))
-    return sorted(told, key=lambda detection: detection.part_of is not None)
+            kept.append(attrs.evolve(one, part_of=None, kind="object", confidence=DOUBTFUL, flag=lost))
+    return sorted(kept, key=lambda one: one.part_of is not None)
 
 
 def _single(found: list[tuple[str, set[str], Detection]], label: str) -> bool:

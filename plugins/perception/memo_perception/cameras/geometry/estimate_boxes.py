@@ -76,13 +76,16 @@ def measure(
     found = {
         detection.name: one for detection in detections if (one := _found(views, blocked, detection, by_id)) is not None
     }
-    wholes = [one for one in found.values() if one.detection.part_of is None and one.detection.kind != "heap"]
+    marked = {one.name: one for one in detections if one.pose is not None}
+    left = {name: one for name, one in found.items() if name not in marked}
+    wholes = [one for one in left.values() if one.detection.part_of is None and one.detection.kind != "heap"]
     fits = _wholes(wholes, table_height)
     for name, fit in list(fits.items()):
         if found[name].detection.kind == "fixture":
             fits[name] = in_frame(fit, owner_frame(fit, _front(found[name], found.values())))
     states: dict[str, State] = {}
-    for one in _parts_in_order(found, fits):
+    fits |= {name: _fit_of_marker(one) for name, one in marked.items()}
+    for one in _parts_in_order(left, fits):
         detection = one.detection
         owner = fits[detection.part_of or ""]
         if is_closer(detection.label):
@@ -91,7 +94,15 @@ def measure(
         else:
             bar = _bar(one, owner, views, blocked, by_id)
             fits[detection.name] = fit_part((bar or one).seen, owner)
-    measured = [_measured(found[name], fit, states.get(name)) for name, fit in fits.items()]
+    for name, closer in marked.items():
+        if closer.part_of in fits and is_closer(closer.label):
+            states[name] = "open" if is_open(fits[name], fits[closer.part_of]) else "closed"
+    measured = [_measured(found[name], fit, states.get(name)) for name, fit in fits.items() if name not in marked]
+    measured += [
+        _marked(thing, fits[name], states.get(name), found.get(name))
+        for name, thing in marked.items()
+        if thing.part_of is None or thing.part_of in fits
+    ]
     measured += [_heap(one, table_height) for one in found.values() if one.detection.kind == "heap"]
     return (*measured, *_insides(found, fits, states, detections))
 
@@ -268,6 +279,27 @@ def _measured(one: _Found, fit: Fit, state: State | None) -> Measured:
     )
 
 
+def _fit_of_marker(detection: Detection) -> Fit:
+    assert detection.pose is not None and detection.size is not None
+    return Fit(detection.pose, detection.size, "marker", 0.0, 0)
+
+
+def _marked(detection: Detection, fit: Fit, state: State | None, found: _Found | None) -> Measured:
+    """Measurement of a thing that has its box from a marker; ``found``: its pixels, if any are known."""
+    return Measured(
+        detection.name,
+        detection.label,
+        detection.kind,
+        detection.part_of,
+        fit.pose,
+        fit.size,
+        state=state,
+        confidence=detection.confidence,
+        attributes=() if found is None else colour_words(found.colours),
+        flag=detection.flag,
+    )
+
+
 def _heap(one: _Found, table_height: float) -> Measured:
     """An upright box around where most of it is seen, down to the table or what it lies on."""
     points = one.seen.points
@@ -285,10 +317,11 @@ def _insides(
 ) -> Iterable[Measured]:
     """The rooms that are seen: those that were detected, and those of containers whose door is found open."""
     named = {one.part_of: one for one in detections if one.kind == "space" and one.part_of is not None}
-    opened = {_room_owner(found[name].detection) for name, state in states.items() if state == "open"}
-    shut = {_room_owner(found[name].detection) for name, state in states.items() if state == "closed"} - opened
+    closers = {one.name: one for one in detections if one.name in states}
+    opened = {_room_owner(one) for name, one in closers.items() if states[name] == "open"}
+    shut = {_room_owner(one) for name, one in closers.items() if states[name] == "closed"} - opened
     for name in [*named, *(owner for owner in opened if owner is not None and owner not in named)]:
-        if name not in fits or name in shut:
+        if name not in fits or name not in found or name in shut:
             continue
         detection = named.get(name)
         lining = found.get(detection.name) if detection is not None else None

@@ -145,7 +145,7 @@ class DeviceSource(Source):
 
     def _unavailable(self, camera: DeviceCamera, problem: str) -> BackendUnavailable:
         remedy = "is it plugged into a USB 3 port, and does no other program use it?"
-        return BackendUnavailable("camera", f"{camera.name} ({camera.serial})", problem, remedy)
+        return BackendUnavailable(f"{self.kind} camera", f"{camera.name} ({camera.serial})", problem, remedy)
 
 
 def straightened(shot: Shot) -> Shot:

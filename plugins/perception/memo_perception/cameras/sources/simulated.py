@@ -32,6 +32,10 @@ class SimulatedSource(Source):
             raise InvalidArgument("perception.source", problem, "a source for real cameras, or 'folder'")
         if not context.scene.cameras:
             raise InvalidArgument("perception.source", "the scene has no camera", "a scene with cameras")
+        there = [camera.name for camera in context.scene.cameras]
+        if missing := [name for name in self.settings.cameras if name not in there]:
+            key, problem = "perception.simulated.cameras", f"the scene has no camera {missing[0]!r}"
+            raise InvalidArgument(key, problem, f"some of: {', '.join(there)}")
         self._context = context
         self._rng = np.random.default_rng(context.rng.integers(2**63))
         self._errors = {camera.name: self._calibration_error() for camera in context.scene.cameras}
@@ -40,7 +44,8 @@ class SimulatedSource(Source):
         context = self._context
         if context is None or context.scene is None:
             raise InvalidArgument("perception.source", "captured before start()", "start(context) first")
-        return tuple(self._frame(camera) for camera in context.scene.cameras)
+        own = self.settings.cameras
+        return tuple(self._frame(camera) for camera in context.scene.cameras if not own or camera.name in own)
 
     def state(self) -> bytes:
         return json.dumps(self._rng.bit_generator.state).encode()
