@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from memo_core.arm.description_from_urdf import describe_urdf as describe_urdf
     from memo_core.arm.guarded_link import GuardedLink as GuardedLink
     from memo_core.arm.inverse_kinematics import Kinematics as Kinematics
+    from memo_core.arm.joint_stream import JointStream as JointStream
     from memo_core.arm.link_checkpoint import LinkCheckpoint as LinkCheckpoint
     from memo_core.arm.meshes import mesh_vertices as mesh_vertices
     from memo_core.arm.rrt_connect import densified as densified

@@ -109,6 +109,7 @@ def world_of(experiment: Experiment, task: Task, seed: int) -> World:
         robot=experiment.create("robot"),
         perception=experiment.create("perception"),
         link=lambda simulator, robot: driver.link(robot, gripper, simulator),
+        wrist_camera=experiment.section("scene").wrist_camera,
     )
 
 
