@@ -38,7 +38,7 @@ def run_code(
     wall_seconds: float | None = None,
     robot_seconds: float | None = None,
 ) -> Execution:
-    """Run robot code with the workspace and the stop of a run, then let objects come to rest.
+    """Run robot code as ``run_program`` does, then let objects come to rest.
 
     After the code the arm stays still for the task's ``settle`` (simulated s), unless the stop is latched.
 
@@ -57,7 +57,23 @@ def run_code(
         Stopped: if the stop is pressed after the code, while objects come to rest.
         MemoError: if the robot, the simulator, a backend or the task's own code fails.
     """
-    execution = sandbox.run(
+    execution = run_program(world, code, sandbox, on_print, wall_seconds=wall_seconds, robot_seconds=robot_seconds)
+    if not world.link.stopped:
+        world.settle(world.task.settle)
+    return execution
+
+
+def run_program(
+    world: SimulatedEnvironment,
+    code: str,
+    sandbox: Sandbox,
+    on_print: Callable[[str], None] | None = None,
+    *,
+    wall_seconds: float | None = None,
+    robot_seconds: float | None = None,
+) -> Execution:
+    """Run robot code with the workspace and the stop of a run. Arguments, result and errors are those of ``run_code``."""
+    return sandbox.run(
         code,
         world.control,
         stopped=lambda: world.link.stopped,
@@ -67,9 +83,6 @@ def run_code(
         wall_seconds=wall_seconds,
         robot_seconds=robot_seconds,
     )
-    if not world.link.stopped:
-        world.settle(world.task.settle)
-    return execution
 
 
 def verify_task(

@@ -92,7 +92,9 @@ class PolicyClient:
             raise self._error("its answer has no array 'actions'", "is it a policy server?")
         if actions.ndim != 2 or len(actions) < least or actions.shape[1] != width:
             wanted = f"at least {least} actions of {width} values"
-            raise self._error(f"it sent actions of shape {actions.shape}, not {wanted}", "method.horizon, method.preset")
+            raise self._error(
+                f"it sent actions of shape {actions.shape}, not {wanted}", "method.horizon, method.preset"
+            )
         if not np.isfinite(actions).all():
             raise self._error("it sent actions that are not finite", "look at the policy and its normalisation")
         return Chunk(actions.astype(float), took_s)

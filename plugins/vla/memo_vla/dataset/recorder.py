@@ -1,4 +1,7 @@
-"""Recording a simulated arm at a fixed rate while anything moves it: pictures, states and where it was sent."""
+"""Recording a simulated arm at a fixed rate while anything moves it: pictures, states and where it was sent.
+
+The last frame says where the one before it led; it has no action, and no picture, of its own.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +43,7 @@ class Said:
 
 @attrs.define(eq=False)
 class Recording:
-    """One episode: frames at a fixed rate, a video of each camera, what was said."""
+    """One episode: frames at a fixed rate, a video of each camera (all frames but the last), what was said."""
 
     rate_hz: float
     frames: list[Frame] = attrs.field(factory=list)
@@ -71,6 +74,7 @@ class Recorder:
         self._world, self._cameras, self._height = world, tuple(cameras), height
         self._period, self._folder = 1.0 / rate_hz, folder
         self._videos: dict[str, Video] = {}
+        self._pending: dict[str, np.ndarray] = {}  # pictures of the last frame: of the very last none are kept
         self.recording = Recording(rate_hz)
         link = world.link
         self._lag = np.array(link.servo_lag) / link.control_period if len(link.servo_lag) else np.zeros(1)
@@ -111,8 +115,9 @@ class Recorder:
         pose: Pose = world.control.tool_pose()
         state = robot_state(link, pose)
         opening = state.width if link.commanded_width is None else link.commanded_width
-        for camera, picture in world.photograph(self._cameras, self._height).items():
+        for camera, picture in self._pending.items():
             self._video(camera, picture).add(picture)
+        self._pending = world.photograph(self._cameras, self._height)
         self.recording.frames.append(Frame(state, self._sent.copy(), opening))
 
     def _video(self, camera: str, picture: np.ndarray) -> Video:

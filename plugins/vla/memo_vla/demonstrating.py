@@ -1,0 +1,170 @@
+"""Demonstrations: a reference solution, or the approved programs of a run, executed once more while it is recorded."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import attrs
+
+import memo_core
+from memo_core.config import Experiment
+from memo_core.environment import SimulatedEnvironment, run_program
+from memo_core.plugin import InvalidArgument, Stopped, Task
+from memo_core.runs import environment_of, sandbox_of
+from memo_core.sandbox import Sandbox
+from memo_vla.dataset.recorder import Recorder, Recording
+from memo_vla.dataset.writer import About, DatasetWriter, Kind
+
+REFERENCE = "reference"
+WITH_WRIST = "scene.wrist_camera=true"
+
+
+@attrs.frozen
+class Piece:
+    """One program of a demonstration, and what goes with it: the subtask, notes that the program was written with, what
+    people had said of earlier tries."""
+
+    code: str
+    subtask: str = ""
+    notes: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+
+@attrs.frozen
+class Shown:
+    """How a demonstration went. ``number`` is the episode's in the dataset, None if it was not kept."""
+
+    task: str
+    seed: int
+    source: str
+    success: bool
+    reason: str
+    frames: int
+    number: int | None
+
+
+def reference_pieces(task: Task) -> tuple[Piece, ...]:
+    """The task's reference solution. Raises ``InvalidArgument`` if it has none."""
+    if not task.reference_solution:
+        raise InvalidArgument("TASK", f"{task.name!r} has no reference solution", "a task that has one, or --from RUN")
+    return (Piece(task.reference_solution),)
+
+
+def run_pieces(folder: Path) -> tuple[Piece, ...]:
+    """The approved programs of a run, in order, with what was noted and said.
+
+    Args:
+        folder: the run's folder.
+
+    Raises:
+        InvalidArgument: if it is no finished run, or nobody approved a program of it.
+    """
+    summary = _read_json(folder / "summary.json")
+    approved = [one for one in summary["subtasks"] if one["status"] == "approved" and not one["taken_back"]]
+    if not approved or not all(one["code"] for one in approved):
+        raise InvalidArgument(
+            "--from", f"{folder}: nobody approved a program of this run", "a run with approved subtasks"
+        )
+    events = [json.loads(line) for line in (folder / "events.jsonl").read_text(encoding="utf-8").splitlines()]
+    return tuple(_piece(one, events) for one in approved)
+
+
+def _piece(subtask: dict[str, Any], events: Sequence[dict[str, Any]]) -> Piece:
+    name = subtask["subtask"]
+    own = [one for one in events if one.get("subtask") == name]
+    served = [note["text"] for one in own if one["event"] == "Retrieved" for note in one["served"] if _is_note(note)]
+    remarks = [one["words"] for one in own if one["event"] == "FeedbackGiven"]
+    return Piece(subtask["code"], name, tuple(dict.fromkeys(served)), tuple(remarks))
+
+
+def _is_note(entry: dict[str, Any]) -> bool:
+    return entry["kind"] in ("correction", "general")
+
+
+def run_experiment_of(folder: Path, overrides: Sequence[str]) -> tuple[Experiment, str, int]:
+    """The experiment of a run, its task and its seed. Raises ``InvalidArgument``, ``ConfigErrors``."""
+    summary = _read_json(folder / "summary.json")
+    task, seed = str(summary["task"]), int(summary["seed"])
+    return memo_core.load(folder / "config.yaml", WITH_WRIST, *overrides, task=task, seed=seed), task, seed
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    try:
+        return dict(json.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError) as error:
+        raise InvalidArgument("--from", f"{path}: {error}", "the folder of a run that has ended") from None
+
+
+def demonstrate(
+    experiment: Experiment,
+    task: Task,
+    seed: int,
+    pieces: Sequence[Piece],
+    writer: DatasetWriter,
+    source: str = REFERENCE,
+    keep_failures: bool = False,
+) -> Shown:
+    """Execute programs in a task's scene, record it, and add it to a dataset if the task is done at the end.
+
+    Args:
+        experiment: selects simulator, robot and perception.
+        task: the task.
+        seed: seed of the scene.
+        pieces: the programs, in order; the rest is left out after one that fails.
+        writer: the dataset.
+        source: where the programs come from, kept with the episode.
+        keep_failures: whether failures are added as well.
+
+    Returns:
+        How it went.
+
+    Raises:
+        Stopped: if the stop was pressed; nothing is added.
+        MemoError: if the simulator, a backend or the task's own code fails.
+    """
+    kind = writer.kind
+    writer.folder.mkdir(parents=True, exist_ok=True)
+    with (
+        tempfile.TemporaryDirectory(prefix=".recording-", dir=writer.folder) as scratch,
+        environment_of(experiment, task, seed) as world,
+        sandbox_of(experiment) as sandbox,
+    ):
+        recording, problem = _recorded(world, sandbox, pieces, kind, Path(scratch))
+        world.settle(task.settle)
+        outcome = world.check()
+        reason = outcome.reason if not problem else f"{outcome.reason} ({problem})"
+        number = None
+        if outcome.success or keep_failures:
+            about = About(task.name, task.instruction, seed, source, outcome.success, reason)
+            number = writer.add(recording, about)
+    return Shown(task.name, seed, source, outcome.success, reason, len(recording), number)
+
+
+def _recorded(
+    world: SimulatedEnvironment, sandbox: Sandbox, pieces: Sequence[Piece], kind: Kind, folder: Path
+) -> tuple[Recording, str]:
+    """A recording of the programs, and the error that ended them; empty if none did."""
+    recorder = Recorder(world, kind.cameras, kind.height, kind.rate_hz, folder)
+    problem = ""
+    with recorder.recording_now() as recording:
+        for piece in pieces:
+            _announce(recorder, piece)
+            execution = run_program(world, piece.code, sandbox)
+            if execution.ended == "stopped":
+                raise Stopped("demonstrating")
+            if problem := execution.error:
+                break
+    return recording, problem
+
+
+def _announce(recorder: Recorder, piece: Piece) -> None:
+    if piece.subtask:
+        recorder.say("subtask", piece.subtask)
+    for note in piece.notes:
+        recorder.say("memory", note)
+    for remark in piece.remarks:
+        recorder.say("interjection", remark, role="user")
