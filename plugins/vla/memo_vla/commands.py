@@ -54,7 +54,7 @@ def demonstrate(
         str, typer.Option("--format", metavar="v3.0|v2.1", help="Of LeRobot; openpi reads v2.1.")
     ] = "v3.0",
     preset: Annotated[
-        str, typer.Option("--preset", metavar="libero|droid", help="What state and action are, as of method vla.")
+        str, typer.Option("--preset", metavar="libero|droid|joints", help="What state and action are, as of method vla.")
     ] = "libero",
     rate: Annotated[
         int | None, typer.Option("--rate", min=1, max=100, help="Frames a second; none: the preset's.")

@@ -60,7 +60,17 @@ LIBERO = Layout(
     images={"observation/image": "front", "observation/wrist_image": "wrist"},
     state={"observation/state": ("position", "rotation-vector", "fingers")},
 )
-PRESETS = {"droid": DROID, "libero": LIBERO}
+# Joint positions and openings in SI units: nothing is rounded to open or closed, and steps cannot add up to an error.
+JOINTS = Layout(
+    rate_hz=10.0,
+    horizon=5,
+    actions="joint-position",
+    action_scale=(1.0,),
+    gripper="width",
+    images={"observation/image": "front", "observation/wrist_image": "wrist"},
+    state={"observation/state": ("joints", "gripper-width")},
+)
+PRESETS = {"droid": DROID, "libero": LIBERO, "joints": JOINTS}
 
 
 def _websocket(instance: object, attribute: attrs.Attribute[str], value: str) -> None:
@@ -103,8 +113,12 @@ class VlaSettings:
         validator=gt(0.0),
         metadata={"help": "seconds for which the policy keeps the arm still, after which it has ended"},
     )
-    preset: Literal["droid", "libero"] = attrs.field(
-        default="libero", metadata={"help": "what goes over the wire, as in openpi's examples of this name"}
+    preset: Literal["droid", "libero", "joints"] = attrs.field(
+        default="libero",
+        metadata={
+            "help": "what goes over the wire: droid, libero: as in openpi's examples of this name; joints: joint "
+            "positions and the opening, in rad and m"
+        },
     )
     rate_hz: float | None = _of_preset("actions for each second of the robot's time", gt(0.0))
     horizon: int | None = _of_preset("actions of a chunk that are executed before the next is asked for", ge(1))
