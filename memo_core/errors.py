@@ -118,6 +118,18 @@ class TaskCodeError(MemoError):
 
 
 @attrs.define(auto_exc=True, eq=False)
+class MethodCodeError(MemoError):
+    """A plugin's method raised an error that is not MEMO's, such as a server that it cannot reach, or returned no
+    ``RunResult``. ``problem`` says what happened, with the author's file and line."""
+
+    method: str
+    problem: str
+
+    def __str__(self) -> str:
+        return f"method {self.method!r}: run() {self.problem}"
+
+
+@attrs.define(auto_exc=True, eq=False)
 class InvalidArgument(MemoError):
     """An invalid argument; says what would be valid."""
 

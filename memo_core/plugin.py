@@ -40,7 +40,14 @@ if TYPE_CHECKING:
         close_match as close_match,
     )
     from memo_core.events import FeedbackGiven as FeedbackGiven
-    from memo_core.interfaces.backend import Backend as Backend, Demo as Demo, Needs as Needs, NoSettings as NoSettings
+    from memo_core.interfaces.backend import (
+        NO_MEMORY as NO_MEMORY,
+        Backend as Backend,
+        Demo as Demo,
+        Memory as Memory,
+        Needs as Needs,
+        NoSettings as NoSettings,
+    )
     from memo_core.interfaces.driver import (
         GripperDriver as GripperDriver,
         RobotDriver as RobotDriver,
@@ -87,7 +94,7 @@ if TYPE_CHECKING:
     from memo_core.plugins.hooks import hookimpl as hookimpl
     from memo_core.plugins.installing import reinstall as reinstall
     from memo_core.plugins.registry import Registry as Registry
-    from memo_core.policy.method_interface import Method as Method
+    from memo_core.policy.method_interface import LanguageMethod as LanguageMethod, Method as Method
     from memo_core.policy.plan_feedback import PLANNING as PLANNING
     from memo_core.policy.results import RunResult as RunResult
     from memo_core.policy.run_context import Session as Session

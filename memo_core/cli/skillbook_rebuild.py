@@ -12,7 +12,7 @@ import typer
 from memo_core.cli.options import Book, ConfigFile, Json, Overrides, load
 from memo_core.cli.output import note, print_json
 from memo_core.cli.signal_handling import INTERRUPTED, stopping
-from memo_core.errors import InvalidArgument, Stopped, UnknownName
+from memo_core.errors import InvalidArgument, Stopped
 
 
 def register(app: typer.Typer) -> None:
@@ -22,7 +22,7 @@ def register(app: typer.Typer) -> None:
 
 def rebuild(
     out: Annotated[Path, typer.Option("--out", "-o", help="File of the new book.")],
-    method: Annotated[str, typer.Option("--method", help="memo, memo-c, memo-s or droc-v.")] = "memo",
+    method: Annotated[str, typer.Option("--method", help="A method with a skillbook, also of a plugin.")] = "memo",
     until: Annotated[
         str | None, typer.Option("--until", help="Up to this feedback's number, or before a time (2026-01-31T12:00).")
     ] = None,
@@ -37,24 +37,24 @@ def rebuild(
     book that is read, so that the same command makes the same book again.
     """
     from memo_core.maintenance.rebuild_book import rebuild_book
-    from memo_core.policy.methods import METHODS
     from memo_core.runs.factories import book_of
 
-    if method not in METHODS:
-        raise UnknownName("method", method, tuple(METHODS))
     if out.exists():
         raise InvalidArgument("--out", f"{out} exists already", "a new file")
     end = _until(until)
-    _, experiment = load(config, overrides)
+    registry, experiment = load(config, overrides)
+    made_for = registry.get("method", method)
+    if not made_for.memory.any:
+        raise InvalidArgument("--method", f"{made_for.name!r} has no skillbook", "a method that has one, such as memo")
     with book_of(experiment, book, read_only=True):
         pass  # a mistyped path is an error, not a new empty book
     try:
         with stopping() as stop, book_of(experiment, book, read_only=False) as source:
-            result = rebuild_book(experiment, source, out, method, end, stop)
+            result = rebuild_book(experiment, source, out, made_for.name, made_for.memory, end, stop)
     except Stopped:
         note(f"memo: stopped; {out} is not whole and is removed; answers so far are kept")
         raise typer.Exit(INTERRUPTED) from None
-    shown: dict[str, Any] = {"book": str(out), "method": method} | attrs.asdict(result)
+    shown: dict[str, Any] = {"book": str(out), "method": made_for.name} | attrs.asdict(result)
     if json:
         print_json(shown)
         return

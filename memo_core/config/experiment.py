@@ -28,6 +28,7 @@ SECTION_KINDS = tuple(kind for kind in KINDS if kind not in DRIVERS)
 SINGLE_KINDS = tuple(kind for kind in SECTION_KINDS if kind != "skills")
 SCALARS: dict[str, Any] = {"task": str, "seed": int, "preset": str}
 SCALAR_DEFAULTS: dict[str, Any] = {"seed": 0}
+_NOT_WRITTEN = object()
 
 
 @attrs.frozen(eq=False)
@@ -225,7 +226,9 @@ class _Assembly:
         self._merged = merged
         self._checker = Checker(merged, _secrets(registry))
         self._checker.choose = self._inner
+        self._checker.choose_several = self._several
         self._undecided: dict[str, MemoError] = {}
+        self._inherits: dict[Path_, Path_] = {}  # entry of a list of backends -> section that gives what it leaves out
         self._choices: dict[str, Choice] = {}
         self._shown: list[ShownValue] = []
         self._notices: list[str] = []
@@ -371,6 +374,22 @@ class _Assembly:
             return None
         return self._chosen(kind, values, path, optional)
 
+    def _several(self, kind: str, value: Any, path: Path_) -> tuple[Choice, ...]:
+        """The backends listed in a setting. What an entry leaves out is as in the section of that kind, where that is
+        of the same backend."""
+        if not isinstance(value, (list, tuple)) or not all(isinstance(item, (str, dict)) for item in value):
+            self._checker.wrong(path, f"must be a list; each entry the name of a {kind}, or `backend:` with its keys")
+            return ()
+        entries = [{"backend": item} if isinstance(item, str) else item for item in value]
+        section = self._merged.values.get(kind)
+        shared = section if isinstance(section, dict) and section.get("backend") else {}
+        for index, one in enumerate(entries):
+            if shared and one.get("backend") == shared["backend"]:
+                entries[index] = shared | one
+                self._inherits[(*path, index)] = (kind,)
+        found = [self._chosen(kind, one, (*path, index), False) for index, one in enumerate(entries)]
+        return tuple(choice for choice in found if choice is not None)
+
     def _chosen(self, kind: str, values: dict[str, Any], path: Path_, optional: bool) -> Choice | None:
         backend = self._backend(kind, values, path, optional)
         if backend is None:
@@ -421,7 +440,8 @@ class _Assembly:
     # -- what people see -------------------------------------------------------------------------------------------
     def _show_choice(self, choice: Choice, path: Path_, source: Path_ | None = None) -> None:
         where = (*path, "backend")
-        self._shown.append(ShownValue(dotted(where), choice.backend.name, self._origin(where)))
+        origin = self._origin(path if isinstance(self._written(path), str) else where)
+        self._shown.append(ShownValue(dotted(where), choice.backend.name, origin))
         self._show(choice.settings, path, source)
 
     def _show(self, settings: Any, path: Path_, source: Path_ | None = None) -> None:
@@ -431,8 +451,13 @@ class _Assembly:
                 continue
             value, here = getattr(settings, field.name), (*path, key_of(field))
             written = (*(source or path), key_of(field))
+            if path in self._inherits and self._written(written) is _NOT_WRITTEN:
+                written = (*self._inherits[path], key_of(field))
             if isinstance(value, Choice):
                 self._show_choice(value, here)
+            elif field.metadata.get("backends"):
+                for index, choice in enumerate(value):
+                    self._show_choice(choice, (*here, index))
             elif attrs.has(type(value)):
                 self._show(value, here)
             else:
@@ -444,12 +469,18 @@ class _Assembly:
 
     def _public(self, path: Path_, value: Any) -> Any:
         """The value as written in the file, so that nothing from the environment is shown."""
+        shown = self._written(path)
+        return plain(value if shown is _NOT_WRITTEN else shown)
+
+    def _written(self, path: Path_) -> Any:
+        """The value that the layers give for a path, with the expression in place of one from the environment."""
         shown: Any = self._merged.shown
         for part in path:
-            if not isinstance(shown, dict) or part not in shown:
-                return plain(value)
-            shown = shown[part]
-        return plain(shown)
+            try:
+                shown = shown[part]
+            except (KeyError, IndexError, TypeError):
+                return _NOT_WRITTEN
+        return shown
 
 
 def plain(value: Any) -> Any:

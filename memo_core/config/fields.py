@@ -66,8 +66,9 @@ class Checker:
         self._merged = merged
         self._secrets = {value: name for value, name in known_secrets.items() if len(value) >= 8}
         self.issues: list[Issue] = []
-        # For fields that are themselves a choice of a backend: (kind, value, path) -> what is chosen, or None.
+        # For fields that are themselves a choice of a backend, or of several: (kind, value, path) -> what is chosen.
         self.choose: abc.Callable[[str, Any, Path_], Any] | None = None
+        self.choose_several: abc.Callable[[str, Any, Path_], Any] | None = None
 
     def wrong(self, path: Path_, problem: str, origin: Origin | None = None) -> None:
         self.issues.append(Issue(origin or self._merged.origin(path), dotted(path), problem))
@@ -106,6 +107,9 @@ class Checker:
             if not field.init:
                 continue
             here = (*path, key)
+            if field.metadata.get("backends") and self.choose_several is not None:
+                arguments[key] = self.choose_several(field.metadata["backends"], values.get(key, field.default), here)
+                continue
             if key not in values or values[key] == MISSING:
                 if field.default is attrs.NOTHING or values.get(key) == MISSING:
                     self.wrong(here, f"missing value: {owner} needs {key!r}, {describe(hints[key])}")

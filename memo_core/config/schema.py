@@ -90,6 +90,8 @@ def _object(cls: type) -> dict[str, Any]:
             continue
         kind = field.metadata.get("backend")
         schema: dict[str, Any] = {"anyOf": [{"$ref": f"#/properties/{kind}"}, {"type": "null"}]} if kind else {}
+        if several := field.metadata.get("backends"):
+            schema = {"type": "array", "items": {"$ref": f"#/properties/{several}"}}
         schema = schema or _type(hints[key_of(field)])
         if field.metadata.get("help"):
             schema["description"] = field.metadata["help"]

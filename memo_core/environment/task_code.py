@@ -94,12 +94,12 @@ def author_error(
     error: Exception, task: Task, hook: str, owner: Any = None, scene: SceneDescription | None = None
 ) -> TaskCodeError:
     """What ``task_code`` raises for an error. For calls in the physics loop, where even an empty block costs."""
-    where = _place(error.__traceback__, type(owner or task).__module__)
+    where = author_place(error.__traceback__, type(owner or task).__module__)
     known = _known(scene) if scene is not None and isinstance(error, KeyError) else ""
     return TaskCodeError(task.name, hook, f"raised {one_line(error)}{where}{known}")
 
 
-def _place(trace: TracebackType | None, module: str) -> str:
+def author_place(trace: TracebackType | None, module: str) -> str:
     """`` at FILE:LINE`` of the innermost frame in the author's package, else of the outermost frame outside MEMO."""
     frames = [(frame.f_globals.get("__name__", ""), frame, line) for frame, line in traceback.walk_tb(trace)][1:]
     package = module.partition(".")[0]

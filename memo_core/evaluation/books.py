@@ -17,12 +17,11 @@ import attrs
 
 from memo_core.config import Experiment
 from memo_core.errors import InvalidArgument
-from memo_core.evaluation.grid import Trial
+from memo_core.evaluation.grid import Trial, memory_of
 from memo_core.evaluation.lesions import LESIONS, lesioned_copy
 from memo_core.evaluation.lesson_book import make_lesson_book
 from memo_core.evaluation.settings import EMPTY, LESSONS, NO_READ_BACK, BooksSettings
 from memo_core.maintenance.rebuild_book import rebuild_book
-from memo_core.policy.methods import METHODS
 from memo_core.process.stop_switch import StopSwitch
 from memo_core.runlog.whole_files import write_whole
 from memo_core.runs.factories import book_of
@@ -130,6 +129,7 @@ def _make(experiment: Experiment, journal: Journal, folder: Path, key: BookKey, 
         left.unlink()  # of a process that was killed while it made this book
     until = journal.feedback_until(key.hours)
     settings: BooksSettings = experiment.section("books")
+    memory = memory_of(experiment, key.method)
     source_file = journal.folder / BOOK
     if not source_file.exists():
         raise InvalidArgument("--out", f"{source_file} is missing: nobody taught yet", "memo study run FILE first")
@@ -143,15 +143,19 @@ def _make(experiment: Experiment, journal: Journal, folder: Path, key: BookKey, 
         marks = [journal.feedback_until(float(hour)) for hour in range(1, int(key.hours) + 1)] if hourly else []
         with book_of(experiment, str(source_file), read_only=False) as source:
             rebuild_book(
-                experiment, source, out, key.method, until, stop, key.ablation != NO_READ_BACK, frozenset(marks)
+                experiment,
+                source,
+                out,
+                key.method,
+                memory,
+                until,
+                stop,
+                key.ablation != NO_READ_BACK,
+                frozenset(marks),
             )
     with book_of(experiment, str(out), read_only=True) as made:
         told = _told(made, key, until, journal)
-    write_whole(_mark_of(out), json_text(told | {"clustering": _when(key, settings)}))
-
-
-def _when(key: BookKey, settings: BooksSettings) -> str:
-    return settings.clustering if METHODS[key.method].clusters else "never"
+    write_whole(_mark_of(out), json_text(told | {"clustering": settings.clustering if memory.clusters else "never"}))
 
 
 def _told(book: Skillbook, key: BookKey, until: int, journal: Journal) -> dict[str, Any]:

@@ -49,7 +49,6 @@ POLL_S = 1.0
 CODE = "code"  # file with the digest
 DECIDED = (
     Unread("task", "evaluation.tasks says what is tried"),
-    Unread("method.backend", "evaluation.methods says which are compared"),
     Unread("skillbook.url", "evaluation.hours and evaluation.books say which books are read"),
     Unread("skillbook.cluster", "books.clustering says when books are clustered", unless="off"),
     Unread("run.video", "trials are not filmed; memo reproduce --films makes films afterwards", unless="off"),
@@ -60,6 +59,9 @@ DECIDED_IN_SIMULATION = (Unread("teacher.backend", "evaluation.corrected.teacher
 def unread(experiment: Experiment) -> tuple[str, ...]:
     """A sentence for each value of the experiment that an evaluation does not read."""
     decided = DECIDED if is_hardware(experiment) else (*DECIDED, *DECIDED_IN_SIMULATION)
+    names = [choice.backend.name for choice in experiment.section("evaluation").methods]
+    if experiment.choice("method").backend.name not in names:  # else an entry may leave keys to that section
+        decided = (*decided, Unread("method.backend", "evaluation.methods says which are compared"))
     return experiment.unread("an evaluation", decided)
 
 
@@ -202,6 +204,8 @@ def _check(load: Load, experiment: Experiment, trials: Sequence[Trial]) -> None:
     if is_hardware(experiment):
         check_settings(experiment.section("evaluation"))
         check_release(experiment, experiment.create("teacher"))
+    for choice in experiment.section("evaluation").methods:
+        choice.create()
     for trial in {(trial.mode, trial.ablation): trial for trial in trials}.values():
         checked = experiment_of(load, trial)
         world_of(checked, task_of(checked, trial.task), trial.scene)
@@ -211,14 +215,14 @@ def _keep_config(experiment: Experiment, folder: Path) -> None:
     """For workers, and to refuse another experiment in this folder."""
     values = experiment.public()
     if (folder / CONFIG).exists():
-        fixed = {path: value for path, value in values.items() if not path.startswith(_GRID)}
-        _check_same(folder, fixed)
+        _check_same(folder, values)
     write_whole(folder / CONFIG, yaml.safe_dump(nested(values), sort_keys=False, allow_unicode=True))
 
 
 def _keep_code(experiment: Experiment, folder: Path, note: Callable[[str], None]) -> None:
     """Keep what code the evaluation began with, and say so where it is another now: trials that are over stay."""
-    file, now = folder / CODE, code_digest(experiment)
+    methods = experiment.section("evaluation").methods
+    file, now = folder / CODE, code_digest(experiment, further=methods)
     if not file.exists():
         write_whole(file, now)
     elif file.read_text(encoding="utf-8") != now:
@@ -226,15 +230,26 @@ def _keep_code(experiment: Experiment, folder: Path, note: Callable[[str], None]
         note(f"MEMO or a plugin has changed since {folder} was begun: {said}")
 
 
-def _check_same(folder: Path, fixed: dict[str, Any]) -> None:
+def _check_same(folder: Path, values: dict[str, Any]) -> None:
     before = yaml.safe_load((folder / CONFIG).read_text(encoding="utf-8"))
+    then, now = _methods_of(before), _methods_of(nested(values))
+    both = {f"evaluation.methods.{name}": (then[name], now[name]) for name in then if name in now}
     kept = {name: section for name, section in before.items() if f"{name}." not in _GRID}
+    kept |= nested({path: settings for path, (settings, _) in both.items()})
+    fixed = {path: value for path, value in values.items() if not path.startswith(_GRID)}
     write_whole(folder / "fixed" / CONFIG, yaml.safe_dump(kept, sort_keys=False, allow_unicode=True))
     try:
-        check_config(folder / "fixed", fixed)
+        check_config(folder / "fixed", fixed | {path: settings for path, (_, settings) in both.items()})
     except InvalidArgument as error:
         problem = f"{folder.parent} holds an evaluation with {error.problem}"
         raise InvalidArgument("--out", problem, "another folder, or the same experiment") from None
+
+
+def _methods_of(settings: dict[str, Any]) -> dict[str, Any]:
+    """The settings of the methods that an evaluation compares, by method."""
+    listed = settings.get("evaluation", {}).get("methods", ())
+    entries = [{"backend": entry} if isinstance(entry, str) else entry for entry in listed]  # text: a former version's
+    return {entry["backend"]: entry for entry in entries}
 
 
 @contextmanager

@@ -9,12 +9,14 @@ from typing import Literal
 import attrs
 
 from memo_core.config import Experiment
-from memo_core.errors import InvalidArgument, UnknownName
+from memo_core.errors import InvalidArgument
 from memo_core.evaluation.settings import EvaluationSettings
+from memo_core.interfaces.backend import Backend, Memory
 from memo_core.policy.methods import METHODS
 from memo_core.runs.factories import task_of, tasks_of
 
 Mode = Literal["zero-shot", "corrected"]
+ABLATED = "memo"  # method whose largest skillbook is ablated
 MODEL_SEEDS = 1_000_003  # between the seeds that a model gets in two trials of one scene
 
 
@@ -42,6 +44,11 @@ class Trial:
         return "-".join(part for part in (*parts, self.mode) if part)
 
     @property
+    def has_memory(self) -> bool:
+        """Whether its method has a skillbook, empty or not."""
+        return self.history is not None or bool(self.given)
+
+    @property
     def model_seed(self) -> int:
         return self.scene + self.number * MODEL_SEEDS
 
@@ -61,36 +68,42 @@ def evaluated_tasks(experiment: Experiment, settings: EvaluationSettings) -> tup
     return names
 
 
+def memory_of(experiment: Experiment, method: str) -> Memory:
+    """The memory of a method that is compared or ablated."""
+    compared = {one.backend.name: one.backend.memory for one in experiment.section("evaluation").methods}
+    return compared[method] if method != ABLATED else METHODS[ABLATED]
+
+
 def trials_of(experiment: Experiment, histories: int) -> tuple[Trial, ...]:
-    """The whole grid, small books first. Raises ``UnknownName``, ``InvalidArgument``."""
+    """The whole grid, small books first; of a method only what it declares to be capable of: trials with books, and
+    corrected trials. Raises ``UnknownName``, ``InvalidArgument``."""
     settings: EvaluationSettings = experiment.section("evaluation")
-    for method in settings.methods:
-        if method not in METHODS:
-            raise UnknownName("method", method, tuple(METHODS))
+    methods = [choice.backend for choice in settings.methods]
     tasks = evaluated_tasks(experiment, settings)
     scenes = range(settings.first_scene, settings.first_scene + settings.scenes)
     places = [(task, scene, number) for task in tasks for scene in scenes for number in range(settings.trials)]
-    corrected = _corrected_hours(settings)
+    corrected, watched = _corrected_hours(settings), settings.corrected.corrections > 0
     found: list[Trial] = []
     for task, scene, number in places:
-        with_book = [method for method in settings.methods if METHODS[method].any]
+        with_book = [method for method in methods if method.memory.any]
         for hours in sorted(settings.hours):
             for history in range(histories):
                 for method in with_book:
-                    where = Trial(method, task, scene, history=history, hours=hours, number=number)
-                    found.append(where)
-                    if hours in corrected:
-                        found.append(attrs.evolve(where, mode="corrected"))
+                    where = Trial(method.name, task, scene, history=history, hours=hours, number=number)
+                    found += _in_modes(where, method, hours in corrected)
         for given in settings.books:
             for method in with_book:
-                where = Trial(method, task, scene, given=given, number=number)
-                found += [where] + ([attrs.evolve(where, mode="corrected")] if settings.corrected.corrections else [])
-        for method in settings.methods:
-            if method not in with_book:
-                where = Trial(method, task, scene, number=number)
-                found += [where] + ([attrs.evolve(where, mode="corrected")] if settings.corrected.corrections else [])
+                found += _in_modes(Trial(method.name, task, scene, given=given, number=number), method, watched)
+        for method in methods:
+            if not method.memory.any:
+                found += _in_modes(Trial(method.name, task, scene, number=number), method, watched)
         found += _ablated(settings, histories, task, scene, number)
     return tuple(found)
+
+
+def _in_modes(trial: Trial, method: Backend, corrected: bool) -> list[Trial]:
+    """The zero-shot trial and, where it is wanted and the method takes feedback, the corrected one."""
+    return [trial, *([attrs.evolve(trial, mode="corrected")] if corrected and method.takes_feedback else [])]
 
 
 def _corrected_hours(settings: EvaluationSettings) -> Sequence[float]:
@@ -106,7 +119,7 @@ def _corrected_hours(settings: EvaluationSettings) -> Sequence[float]:
 def _ablated(settings: EvaluationSettings, histories: int, task: str, scene: int, number: int) -> list[Trial]:
     hours = max(settings.hours, default=0.0)
     return [
-        Trial("memo", task, scene, history=history, hours=hours, number=number, ablation=name)
+        Trial(ABLATED, task, scene, history=history, hours=hours, number=number, ablation=name)
         for name in settings.ablations
         for history in range(histories if settings.hours else 0)
     ]

@@ -14,8 +14,8 @@ import attrs
 import cattrs
 
 from memo_core.config import Experiment
+from memo_core.interfaces.backend import Memory
 from memo_core.llm.kept_calls import ASK
-from memo_core.policy.methods import Memory
 from memo_core.runlog.json_lines import append_line, make_writable, read_lines as read_json_lines
 from memo_core.runlog.log_file import read_lines
 from memo_core.runlog.log_history import LogEntry, read_history

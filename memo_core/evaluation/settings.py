@@ -6,13 +6,16 @@ from typing import Any, Literal
 
 import attrs
 
-from memo_core.errors import UnknownName
+from memo_core.config import Choice
+from memo_core.errors import InvalidArgument, UnknownName
 from memo_core.evaluation.lesions import LESIONS
 
 PRESET, NO_READ_BACK = "paper-preset", "no-read-back"
 EMPTY, LESSONS = "empty", "lessons"  # books that need no file
 ABLATIONS = (*LESIONS, PRESET, NO_READ_BACK)
 
+# By name: configuration makes a choice of each.
+_COMPARED: Any = ("memo", "memo-c", "memo-s", "droc-v")
 _NOT_NEGATIVE = attrs.validators.deep_iterable(attrs.validators.ge(0.0))
 
 
@@ -20,6 +23,14 @@ def _known(instance: Any, attribute: attrs.Attribute[Any], value: tuple[str, ...
     for name in value:
         if name not in ABLATIONS:
             raise UnknownName("ablation", name, ABLATIONS)
+
+
+def _each_once(instance: Any, attribute: attrs.Attribute[Any], value: tuple[Choice, ...]) -> None:
+    names = [choice.backend.name for choice in value]
+    for name in names:
+        if names.count(name) > 1:
+            wanted = "each method once; another folder for other settings of it, and `memo report --compare` for both"
+            raise InvalidArgument("evaluation.methods", f"{name!r} twice", wanted)
 
 
 @attrs.frozen
@@ -53,7 +64,15 @@ class CorrectedSettings:
 class EvaluationSettings:
     """The grid of an evaluation: methods x hours x tasks x scenes x trials, for each teaching history."""
 
-    methods: tuple[str, ...] = ("memo", "memo-c", "memo-s", "droc-v")
+    methods: tuple[Choice, ...] = attrs.field(
+        default=_COMPARED,
+        validator=_each_once,
+        metadata={
+            "backends": "method",
+            "help": "names of methods, also of plugins, or `backend:` with the method's keys; what an entry leaves out "
+            "is as in the section `method`, if that is of the same method",
+        },
+    )
     hours: tuple[float, ...] = attrs.field(
         default=(0.0, 2.0, 4.0, 6.0, 8.0, 10.0), validator=_NOT_NEGATIVE, metadata={"help": "of teaching, by book"}
     )

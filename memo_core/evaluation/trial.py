@@ -38,11 +38,11 @@ from memo_core.interfaces.task import Task
 from memo_core.interfaces.teacher import Teacher
 from memo_core.plugins.registry import Registry
 from memo_core.policy.learnt_functions import used_by
-from memo_core.policy.methods import METHODS
+from memo_core.policy.method_interface import LanguageMethod
 from memo_core.process.stop_switch import StopSwitch
 from memo_core.runlog.whole_files import write_whole
 from memo_core.runs.factories import book_of, environment_of, task_of, world_of
-from memo_core.runs.folder import json_text
+from memo_core.runs.folder import json_text, nested
 from memo_core.runs.idempotent_run import do_one, public
 from memo_core.runs.record_replay import recorded, replayed
 from memo_core.runs.run import check_release, components_of
@@ -135,7 +135,8 @@ def do_group(
         try:
             row = _shared(load, place, trial, trials) or _done(load, registry, place, trial)
         except NotCarriedOut as error:
-            write_whole(place.of(trial) / ERROR, json_text(_about(trial, place) | attrs.asdict(error.error)))
+            about = _about(experiment_of(load, trial), trial, place)
+            write_whole(place.of(trial) / ERROR, json_text(about | attrs.asdict(error.error)))
             tried(error.error)
             if error.error.persistent:
                 return
@@ -164,16 +165,23 @@ def _keep(folder: Path, row: dict[str, Any]) -> None:
 
 def experiment_of(load: Load, trial: Trial, *further: str) -> Experiment:
     """The experiment as this trial changes it."""
-    settings: EvaluationSettings = load().section("evaluation")
-    given = [f"method={trial.method}", "run.video=off"]
+    whole = load()
+    settings: EvaluationSettings = whole.section("evaluation")
+    given = [f"method={json.dumps(_method_section(whole, trial.method))}", "run.video=off"]
     if trial.ablation == PRESET:
         given.append("preset=paper")
     if trial.mode == "corrected":
         limit = settings.corrected.corrections
         given += [f"run.max_feedback={limit}", f"run.attempts={limit + 1}"]
-        if not is_hardware(load()):  # beside a real robot is the experiment's own teacher
+        if not is_hardware(whole):  # beside a real robot is the experiment's own teacher
             given.append(f"teacher={json.dumps(settings.corrected.teacher)}")
     return load(*given, *further, task=trial.task, seed=trial.model_seed)
+
+
+def _method_section(experiment: Experiment, name: str) -> dict[str, Any]:
+    """The section ``method`` of a trial: the entry of ``evaluation.methods``, as it was written."""
+    entries = nested(experiment.public())["evaluation"]["methods"]
+    return next((dict(entry) for entry in entries if entry["backend"] == name), {"backend": name})
 
 
 def _done(load: Load, registry: Registry, place: Place, trial: Trial) -> dict[str, Any]:
@@ -183,23 +191,16 @@ def _done(load: Load, registry: Registry, place: Place, trial: Trial) -> dict[st
     teacher: Teacher | None = None
     judge: Judge | None = None
     hardware = is_hardware(experiment)
-    book: Skillbook
     if hardware:
         teacher = experiment.create("teacher")
         check_release(experiment, teacher)
     if trial.mode == "zero-shot":
         if teacher is not None:
             teacher = judge = Judge(teacher, folder)
-        memory = METHODS[trial.method]
-        book = observed_book(experiment, place.book(trial) or NO_FILE, memory, folder / QUESTIONS)
-    else:
-        private = folder / PRIVATE
-        if not private.exists():
-            _copy(place.book(trial), private)
-        book = book_of(experiment, str(private), read_only=False)
-        if teacher is None:
-            watcher = Participant(WATCHER, load().section("evaluation").corrected.teacher)
-            teacher = teacher_of(load, watcher, task, trial.scene, knows_lessons=True)
+    elif teacher is None:
+        watcher = Participant(WATCHER, load().section("evaluation").corrected.teacher)
+        teacher = teacher_of(load, watcher, task, trial.scene, knows_lessons=True)
+    book = _book(experiment, place, trial)
     experiment = _transcribed(experiment, registry, place, trial)
     environment = world_of if hardware else environment_of
     components = components_of(experiment, lambda: environment(experiment, task, trial.scene), book, teacher)
@@ -213,12 +214,31 @@ def _done(load: Load, registry: Registry, place: Place, trial: Trial) -> dict[st
     if trial.mode == "corrected":
         for left in folder.glob(f"{PRIVATE}*"):
             left.unlink()  # what people said stays in the books that `forget` knows of
-    return _row(trial, summary, lesson, place)
+    return _row(experiment, trial, summary, lesson, place)
+
+
+def _book(experiment: Experiment, place: Place, trial: Trial) -> Skillbook | None:
+    """The trial's skillbook: one that is only read and observed, or where somebody corrects a private copy. None for a
+    method that neither retrieves nor takes feedback."""
+    if not _takes_book(experiment):
+        return None
+    folder, private = place.of(trial), place.of(trial) / PRIVATE
+    if trial.mode == "zero-shot":
+        memory = experiment.choice("method").backend.memory
+        return observed_book(experiment, place.book(trial) or NO_FILE, memory, folder / QUESTIONS)
+    if not private.exists():
+        _copy(place.book(trial), private)
+    return book_of(experiment, str(private), read_only=False)
+
+
+def _takes_book(experiment: Experiment) -> bool:
+    method = experiment.choice("method").backend
+    return method.memory.any or method.takes_feedback
 
 
 def _lesson(experiment: Experiment, task: Task, place: Place, trial: Trial) -> LessonServed:
     """Whether the lesson of a task with a trick was served; not known on a real robot, which has no other scenes."""
-    if is_hardware(experiment) or not task.trick or not METHODS[trial.method].any:
+    if is_hardware(experiment) or not task.trick or not trial.has_memory:
         return LessonServed()
     folder = place.of(trial)
     url = place.book(trial) or NO_FILE
@@ -250,7 +270,7 @@ def film_trial(load: Load, registry: Registry, place: Place, trial: Trial, folde
     same run."""
     experiment = experiment_of(load, trial, "run.video=auto")
     task = task_of(experiment, trial.task)
-    book = book_of(experiment, place.book(trial) or NO_FILE, read_only=True)
+    book = book_of(experiment, place.book(trial) or NO_FILE, read_only=True) if _takes_book(experiment) else None
     components = components_of(experiment, lambda: environment_of(experiment, task, trial.scene), book, None)
     return do_one(components, task, trial.model_seed, folder, registry, public(experiment))
 
@@ -278,15 +298,18 @@ def _shared(load: Load, place: Place, trial: Trial, group: Sequence[Trial]) -> d
         or not deterministic
         or trial.mode != "zero-shot"
         or trial.ablation == PRESET
+        or not _depends_on_retrieval_alone(experiment)
     ):
         return None
-    memory = METHODS[trial.method]
+    memory = experiment.choice("method").backend.memory
     with book_of(experiment, place.book(trial) or NO_FILE, read_only=True) as book:
         for other in group:
             row = place.row(other)
             if row is None or row["same_as"] != other.id or other.mode != trial.mode or other.ablation == PRESET:
                 continue
-            if not METHODS[other.method].any:
+            if not _depends_on_retrieval_alone(experiment_of(load, other)):
+                continue
+            if not other.has_memory:
                 continue  # it asked nothing, which says nothing about what it would have been served
             try:
                 questions = read_questions(place.of(other) / QUESTIONS)
@@ -294,14 +317,22 @@ def _shared(load: Load, place: Place, trial: Trial, group: Sequence[Trial]) -> d
                 continue
             used = used_by(experiment.create("llm"), experiment.section("skillbook").functions)
             if same_answers(book, memory, questions, used):
-                return row | _about(trial, place) | {"same_as": other.id, "wall_s": 0.0}
+                return row | _about(experiment, trial, place) | {"same_as": other.id, "wall_s": 0.0}
     return None
 
 
-def _about(trial: Trial, place: Place) -> dict[str, Any]:
+def _depends_on_retrieval_alone(experiment: Experiment) -> bool:
+    """Whether the experiment's method is the language methods' loop, whose runs depend on the method only through what
+    it retrieves."""
+    return type(experiment.create("method")).run is LanguageMethod.run
+
+
+def _about(experiment: Experiment, trial: Trial, place: Place) -> dict[str, Any]:
     return {
         "trial": trial.id,
         "method": trial.method,
+        "memory": trial.has_memory,  # rows with and without are never averaged together
+        "takes_feedback": experiment.choice("method").backend.takes_feedback,
         "ablation": trial.ablation,
         "mode": trial.mode,
         "task": trial.task,
@@ -314,7 +345,9 @@ def _about(trial: Trial, place: Place) -> dict[str, Any]:
     }
 
 
-def _row(trial: Trial, summary: dict[str, Any], lesson: LessonServed, place: Place) -> dict[str, Any]:
+def _row(
+    experiment: Experiment, trial: Trial, summary: dict[str, Any], lesson: LessonServed, place: Place
+) -> dict[str, Any]:
     effects = effects_of(place.of(trial) / RUN)
     at, why = _failure(summary)
     subtasks = [one["subtask"] for one in summary["subtasks"]]
@@ -323,7 +356,7 @@ def _row(trial: Trial, summary: dict[str, Any], lesson: LessonServed, place: Pla
     tokens = {name: summary[name] for name in ("prompt_tokens", "completion_tokens", "cost")}
     tokens["cached_tokens"] = summary.get("cached_tokens", 0)  # a run of an older version has none
     return (
-        _about(trial, place)
+        _about(experiment, trial, place)
         | {"success": bool(summary["success"]), "first_programs": bool(summary["success"]) and at_once}
         | {name: summary[name] for name in kept}
         | tokens

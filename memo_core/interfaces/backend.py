@@ -69,6 +69,26 @@ class Demo:
     replay_suite: str = ""
 
 
+@attrs.frozen
+class Memory:
+    """The kinds of entries that a method makes from feedback and retrieves from a skillbook.
+
+    ``clusters``: whether its skillbook is condensed offline (``memo cluster``)."""
+
+    corrections: bool = True
+    general: bool = True
+    templates: bool = True
+    clusters: bool = True
+
+    @property
+    def any(self) -> bool:
+        """Whether the method has a skillbook that it retrieves from."""
+        return self.corrections or self.general or self.templates
+
+
+NO_MEMORY = Memory(corrections=False, general=False, templates=False, clusters=False)
+
+
 @attrs.frozen(eq=False)
 class Backend:
     """One choice of one kind. ``config`` is an attrs class: its fields, types, defaults and field metadata ``help`` are
@@ -103,4 +123,6 @@ class Backend:
         ""  # of an llm: YAML file in its package, PACKAGE/path, of tasks it was measured at (memo_core.llm.measured)
     )
     aliases: tuple[str, ...] = ()  # former names; a config that uses one works and is told the present name
+    memory: Memory = NO_MEMORY  # of a method: evaluations give it a skillbook if it has any
+    takes_feedback: bool = False  # of a method: whether a person can correct it while it works
     default: bool = False  # taken when a config names no backend of this kind and several are installed

@@ -10,12 +10,12 @@ import attrs
 
 from memo_core.config import Experiment
 from memo_core.events import Event
+from memo_core.interfaces.backend import Memory
 from memo_core.interfaces.llm import LanguageModelError
 from memo_core.llm.readers import Unreadable, read_template
 from memo_core.maintenance.rebuilding import AnswersOfBook, Rebuilding, Rebuilt
 from memo_core.policy.consolidation import Clustering
 from memo_core.policy.feedback_processing import FeedbackProcessor, asking_without_a_run
-from memo_core.policy.methods import METHODS
 from memo_core.process.stop_switch import StopSwitch
 from memo_core.runs.consolidation import calls_without_a_run
 from memo_core.runs.factories import book_of, library_of, prompts_of
@@ -29,16 +29,16 @@ def rebuild_book(
     source: Skillbook,
     out: Path,
     method: str,
+    memory: Memory,
     until: int | float | None,
     stop: StopSwitch,
     read_backs: bool = True,
     condense_after: Collection[int] = (),
 ) -> Rebuilt:
-    """Make the book of ``method`` in the new file ``out`` from the log of ``source``, which is open for writing: it
-    keeps the answers. Nothing is left in ``out`` when it fails. ``read_backs`` False: as if nothing had been read back.
-    ``condense_after``: feedback after which the book is clustered, too, where the method clusters; it always is at the
-    end. Raises ``MemoError``, ``Stopped``."""
-    memory = METHODS[method]
+    """Make the book of a ``method`` with this ``memory`` in the new file ``out`` from the log of ``source``, which is
+    open for writing: it keeps the answers. Nothing is left in ``out`` when it fails. ``read_backs`` False: as if
+    nothing had been read back. ``condense_after``: feedback after which the book is clustered, too, where the method
+    clusters; it always is at the end. Raises ``MemoError``, ``Stopped``."""
     log = raw_log.raw_log(source, until)
     if not read_backs:
         log = attrs.evolve(log, read_backs=())

@@ -15,10 +15,10 @@ from contextlib import contextmanager
 
 import attrs
 
+from memo_core.interfaces.backend import Memory
 from memo_core.interfaces.llm import Answer, LanguageModel, Request, Usage
 from memo_core.policy.consolidation import Clustering
 from memo_core.policy.feedback_processing import FeedbackProcessor
-from memo_core.policy.methods import Memory
 from memo_core.skillbook import raw_log
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.model.entries import Entry, Feedback, KeptReadBack, Note, Reaction

@@ -10,22 +10,25 @@ from memo_core.plugins.hooks import hookimpl
 
 @hookimpl
 def memo_methods() -> list[Backend]:
-    from memo_core.policy.methods import METHODS
-
     return [
-        Backend("method", name, memory.summary, _language_method(name), default=name == "memo")
-        for name, memory in METHODS.items()
+        _language_method("memo", "corrections, general statements and templates", default=True),
+        _language_method("memo-c", "memo without clustering"),
+        _language_method("memo-s", "no skillbook: what is said helps the next try only"),
+        _language_method("droc-v", "specific corrections only"),
     ]
 
 
-def _language_method(name: str) -> Any:
+def _language_method(name: str, summary: str, default: bool = False) -> Backend:
+    from memo_core.policy.methods import METHODS
+
+    memory = METHODS[name]
+
     def make(settings: Any) -> Any:
         from memo_core.policy.method_interface import LanguageMethod
-        from memo_core.policy.methods import METHODS
 
-        return LanguageMethod(name, METHODS[name])
+        return LanguageMethod(name, memory)
 
-    return make
+    return Backend("method", name, summary, make, memory=memory, takes_feedback=True, default=default)
 
 
 @hookimpl

@@ -22,7 +22,7 @@ import attrs
 import pluggy
 
 from memo_core.errors import close_match
-from memo_core.interfaces.backend import Backend, Demo, Needs
+from memo_core.interfaces.backend import NO_MEMORY, Backend, Demo, Memory, Needs
 from memo_core.plugins import hooks
 from memo_core.plugins.entry_points import distribution_of
 
@@ -205,6 +205,10 @@ def _check_descriptor(backend: Any, kind: str, hook: str) -> None:
         raise TypeError(f"{said}: needs_of must be callable")
     if not isinstance(backend.default, bool) or not isinstance(backend.replays, bool):
         raise TypeError(f"{said}: default and replays must be True or False")
+    if not isinstance(backend.memory, Memory) or not isinstance(backend.takes_feedback, bool):
+        raise TypeError(f"{said}: memory must be a Memory, and takes_feedback True or False")
+    if backend.kind != "method" and (backend.memory != NO_MEMORY or backend.takes_feedback):
+        raise TypeError(f"{said}: memory and takes_feedback are of methods only")
     if not isinstance(backend.measured, str):
         raise TypeError(f"{said}: measured must be the path of a file, as text")
     if backend.demo is not None and not isinstance(backend.demo, Demo):
@@ -240,8 +244,9 @@ def _check_config(config: type, said: str, within: tuple[type, ...] = ()) -> Non
         where = f"{said}: {config.__name__}.{field.name}"
         if not isinstance(field.metadata.get("help", ""), str):
             raise TypeError(f"{where}: metadata 'help' must be text")
-        if field.metadata.get("backend", "llm") not in HOOK_OF_KIND:
-            raise TypeError(f"{where}: metadata 'backend' must be a kind: {', '.join(HOOK_OF_KIND)}")
+        for key in ("backend", "backends"):
+            if field.metadata.get(key, "llm") not in HOOK_OF_KIND:
+                raise TypeError(f"{where}: metadata {key!r} must be a kind: {', '.join(HOOK_OF_KIND)}")
         for inner in _attrs_classes(hints.get(field.name)):
             _check_config(inner, said, (*within, config))
 

@@ -19,6 +19,7 @@ import attrs
 
 from memo_core.errors import Stopped
 from memo_core.events import CodeEnded, CodeWritten, Problem, SubtaskEnded, SubtaskStarted
+from memo_core.interfaces.backend import Memory
 from memo_core.interfaces.llm import LanguageModelError
 from memo_core.interfaces.teacher import Episode, Program, Proposal, Sighting, TaskEpisode
 from memo_core.llm.kept_calls import ASK
@@ -28,7 +29,6 @@ from memo_core.policy.attempt import Attempt, Tried
 from memo_core.policy.learnt_functions import read_program
 from memo_core.policy.logged_person import Heard, LoggedPerson, WordStore
 from memo_core.policy.logged_world import LoggedWorld
-from memo_core.policy.methods import Memory
 from memo_core.policy.model_questions import Questions
 from memo_core.policy.plan_feedback import PlanNote, for_plans
 from memo_core.policy.prompting import done_line

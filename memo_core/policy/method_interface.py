@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
-from memo_core.policy.methods import Memory
+from memo_core.interfaces.backend import Memory
 from memo_core.policy.results import RunResult
 
 if (

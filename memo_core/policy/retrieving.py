@@ -11,9 +11,9 @@ import attrs
 import cattrs
 
 from memo_core.events import Problem
+from memo_core.interfaces.backend import Memory
 from memo_core.policy.learnt_functions import as_used, used_by
 from memo_core.policy.logged_book import entries_of
-from memo_core.policy.methods import Memory
 from memo_core.policy.plan_feedback import is_of_plans
 from memo_core.policy.run_context import Session
 from memo_core.policy.settings import TeachingSettings

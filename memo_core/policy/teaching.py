@@ -10,6 +10,7 @@ import attrs
 from memo_core.errors import Stopped
 from memo_core.events import EntryStored, FeedbackGiven, NameCorrected, Problem
 from memo_core.interfaces import teacher
+from memo_core.interfaces.backend import Memory
 from memo_core.interfaces.llm import LanguageModelError
 from memo_core.interfaces.teacher import Note as ReadNote
 from memo_core.llm.readers import Unreadable
@@ -18,7 +19,6 @@ from memo_core.policy.feedback_processing import NOT_NOW, Circumstances, Earlier
 from memo_core.policy.learnt_functions import only_call, read_program, read_whole_template
 from memo_core.policy.logged_book import BookWordStore, LoggedBook, feedback_of
 from memo_core.policy.logged_person import Heard, LoggedPerson, WordStore
-from memo_core.policy.methods import Memory
 from memo_core.policy.model_questions import Questions
 from memo_core.policy.run_context import Session
 from memo_core.runlog.words_file import WordsFile

@@ -19,13 +19,13 @@ WITHOUT_MODEL = ("suite", "simulator", "robot", "robot_driver", "gripper_driver"
 _NOT_READ = (".pyc", ".pyo", ".pyd", ".so")
 
 
-def code_digest(experiment: Experiment, kinds: Iterable[str] = KINDS) -> str:
-    """A digest of all files of the packages that provide the experiment's backends of these ``kinds``, and of the core.
+def code_digest(experiment: Experiment, kinds: Iterable[str] = KINDS, further: Iterable[Choice] = ()) -> str:
+    """A digest of all files of the packages that provide the experiment's backends of these ``kinds``, ``further``
+    backends, and the core.
     A package is the top-level module of a backend's factory and settings, with the data files beside its modules."""
     packages = {"memo_core"}
-    for kind in kinds:
-        for choice in _choices(experiment, kind):
-            packages.update(_packages_of(choice))
+    for choice in (*further, *(choice for kind in kinds for choice in _choices(experiment, kind))):
+        packages.update(_packages_of(choice))
     digest = hashlib.sha256()
     for package in sorted(packages):
         digest.update(_package_digest(package).encode())

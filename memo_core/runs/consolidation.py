@@ -62,10 +62,11 @@ class Spending:
 
 def check_method(experiment: Experiment) -> None:
     """Raises ``InvalidArgument`` for a method that does not cluster."""
-    memory = getattr(experiment.create("method"), "memory", None)
-    if memory is not None and not memory.clusters:
-        name = experiment.choice("method").backend.name
-        raise InvalidArgument("method", f"{name!r} does not cluster", "a method that does, such as --set method=memo")
+    method = experiment.choice("method").backend
+    if not method.memory.clusters:
+        raise InvalidArgument(
+            "method", f"{method.name!r} does not cluster", "a method that does, such as --set method=memo"
+        )
 
 
 @contextmanager

@@ -151,10 +151,10 @@ def plain(value: Any) -> Any:
 
 
 def nested(values: dict[str, Any]) -> dict[str, Any]:
-    """``{"a.b": 1, "c.0": 2}`` as ``{"a": {"b": 1}, "c": [2]}``."""
+    """``{"a.b": 1, "c[0].d": 2}`` as ``{"a": {"b": 1}, "c": [{"d": 2}]}``."""
     tree: dict[str, Any] = {}
     for path, value in values.items():
-        *parents, last = path.split(".")
+        *parents, last = re.sub(r"\[(\d+)\]", r".\1", path).split(".")
         branch = tree
         for parent in parents:
             branch = branch.setdefault(parent, {})

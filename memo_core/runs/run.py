@@ -41,6 +41,7 @@ from memo_core.runs.consolidation import AfterRun, after_run, in_background
 from memo_core.runs.factories import book_of, budget_of, library_of, prompts_of, sandbox_of, task_of, world_of
 from memo_core.runs.filming import Filmed
 from memo_core.runs.folder import RunFolder, new_run_folder
+from memo_core.runs.method_code import run_method
 from memo_core.runs.resuming import CutOff, book_changes, check_config, check_place, read_cut_off
 from memo_core.runs.run_errors import RunError, run_error
 from memo_core.runs.signal_handling import Supervisor
@@ -530,7 +531,7 @@ class _Run:
             if made.pinned and made.book is not None:
                 pin(self.log, made.book)
             made.begun()
-            ended.result = made.method.run(session)
+            ended.result = run_method(made.method, session)
             ended.error = run_error(ended.result.error) if ended.result.error is not None else None
         finally:
             filmed.close()

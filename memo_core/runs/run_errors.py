@@ -11,11 +11,12 @@ from collections.abc import Iterable
 
 import attrs
 
-from memo_core.errors import BackendUnavailable, MemoError, RobotFault, Stopped, TaskCodeError
+from memo_core.errors import BackendUnavailable, MemoError, MethodCodeError, RobotFault, Stopped, TaskCodeError
 from memo_core.interfaces.llm import LanguageModelError
 from memo_core.llm.budget import BudgetExceeded
 from memo_core.llm.readers import Unreadable
 
+_CAUSES: dict[type, str] = {TaskCodeError: "task", MethodCodeError: "method"}
 MOST_IN_A_ROW = 3  # errors of one cause, with nothing carried out between them, after which a command stops
 UNEXPECTED = "unexpected"  # cause of an error that no code raised deliberately
 
@@ -25,8 +26,8 @@ class RunError:
     """Why a run could not be carried out.
 
     ``cause`` is that of a language model (``LanguageModelError.cause``, or ``llm``), the kind of a backend that cannot
-    be used (``simulator``, ``embedder``, …), ``robot``, ``task`` or ``error``. ``persistent``: every other run would
-    fail as well, until a person mends the cause.
+    be used (``simulator``, ``embedder``, …), ``robot``, ``task``, ``method`` or ``error``. ``persistent``: every other
+    run would fail as well, until a person mends the cause.
     """
 
     cause: str
@@ -68,7 +69,7 @@ def run_error(error: MemoError) -> RunError | None:
         return RunError(error.kind, str(error), persistent=True)
     if isinstance(error, RobotFault):
         return RunError("robot", str(error), persistent=True)
-    return RunError("task" if isinstance(error, TaskCodeError) else "error", str(error))
+    return RunError(_CAUSES.get(type(error), "error"), str(error))
 
 
 def told(errors: Iterable[RunError]) -> str:

@@ -52,7 +52,7 @@ def test_given_books_need_no_study():
 
 
 def test_what_does_not_exist_is_refused():
-    with pytest.raises(UnknownName, match="memo-x"):
+    with pytest.raises(ConfigErrors, match=r"evaluation\.methods\[0\].*memo-x.*did you mean"):
         grid("evaluation.methods=[memo-x]")
     with pytest.raises(UnknownName, match="open-the-door"):
         grid("evaluation.tasks=[open-the-door]")

@@ -108,6 +108,8 @@ BROKEN: dict[str, tuple[str, str]] = {
     "needs-a-key-as-text": (store("'vectorstore', 'mine', 'x', make, needs=Needs(keys='TOKEN')"), "needs.keys"),
     "default-that-is-a-word": (store("'vectorstore', 'mine', 'x', make, default='yes'"), "default"),
     "demo-of-its-own": (store("'vectorstore', 'mine', 'x', make, demo='mine'"), "demo must be a Demo"),
+    "memory-that-is-a-word": (store("'vectorstore', 'mine', 'x', make, memory='all'"), "memory must be a Memory"),
+    "a-store-that-takes-feedback": (store("'vectorstore', 'mine', 'x', make, takes_feedback=True"), "methods only"),
     "alias-as-text": (store("'vectorstore', 'mine', 'x', make, aliases='old'"), "aliases"),
     # its settings
     "config-no-class": (store("'vectorstore', 'mine', 'x', make, dict"), "attrs class"),
