@@ -72,7 +72,7 @@ def run_program(
     wall_seconds: float | None = None,
     robot_seconds: float | None = None,
 ) -> Execution:
-    """Run robot code with the workspace and the stop of a run. Arguments, result and errors are those of ``run_code``."""
+    """Run robot code with the workspace and the stop of a run. Takes, returns and raises what ``run_code`` does."""
     return sandbox.run(
         code,
         world.control,

@@ -73,7 +73,7 @@ class JointSteps(ArmActions):
 
 
 class HandSteps(ArmActions):
-    """A step of the tool in the base frame, -1 to 1: of its position, then its rotation vector; 1 means the scale (m and
+    """A step of the tool in the base frame, -1 to 1: of its position, then its rotation vector; 1 means the scale (m,
     rad). Where inverse kinematics finds nothing, the arm goes as near as it can."""
 
     count = 6

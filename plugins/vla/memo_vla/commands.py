@@ -33,8 +33,8 @@ class TooFewDemonstrations(MemoError):
     last: str
 
     def __str__(self) -> str:
-        made = f"{self.task}: {self.made} of {self.wanted} demonstrations succeeded; the last one that did not: {self.last}"
-        return f"{made} (memo tasks verify {self.task}; other scenes: --seed)"
+        made = f"{self.task}: {self.made} of {self.wanted} demonstrations succeeded"
+        return f"{made}; the last one that did not: {self.last} (memo tasks verify {self.task}; other scenes: --seed)"
 
 
 def demonstrate(
@@ -54,7 +54,8 @@ def demonstrate(
         str, typer.Option("--format", metavar="v3.0|v2.1", help="Of LeRobot; openpi reads v2.1.")
     ] = "v3.0",
     preset: Annotated[
-        str, typer.Option("--preset", metavar="libero|droid|joints", help="What state and action are, as of method vla.")
+        str,
+        typer.Option("--preset", metavar="libero|droid|joints", help="What state and action are, as of method vla."),
     ] = "libero",
     rate: Annotated[
         int | None, typer.Option("--rate", min=1, max=100, help="Frames a second; none: the preset's.")

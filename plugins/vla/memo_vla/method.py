@@ -126,7 +126,7 @@ class _Rollout:
 
     # -- asking --------------------------------------------------------------------------------------------------------
     def _next_chunk(self) -> Chunk:
-        """The policy's next actions. A simulated world waits for them; a real arm goes on to its last goal meanwhile."""
+        """The policy's next actions. A simulated world waits for them; a real arm meanwhile goes to its last goal."""
         chunk = self._ask() if self._link.can_restore else self._meanwhile(self._ask)
         self._asked.append(chunk.took_s)
         return chunk

@@ -45,9 +45,9 @@ Then, beside MEMO:
 memo run --task TASK -s method=vla -s method.preset={preset} -s scene.wrist_camera=true -s method.url=ws://SERVER:8000
 ```
 
-{steps} steps, as in the paper. Training needs a GPU with the memory that openpi's page states; neither it nor the commands above
-were run where MEMO is developed. The dataset was read back and checked; the path from a server's answers to the arm is tested
-with `memo policy-server`, which plays demonstrations.
+{steps} steps, as in the paper. Training needs a GPU with the memory that openpi's page states; neither it nor the
+commands above were run where MEMO is developed. The path from a server's answers to the arm is tested with
+`memo policy-server`, which plays demonstrations.
 """
 
 _OPENPI = "The columns are those that openpi's LIBERO scheme repacks: `image`, `wrist_image`, `state`, `actions`."

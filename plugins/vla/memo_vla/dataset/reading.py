@@ -10,6 +10,7 @@ from typing import Any
 import attrs
 import cattrs
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 
 from memo_core.plugin import InvalidArgument

@@ -200,7 +200,7 @@ class DatasetWriter:
                 events[frame].append(row)
         return [lasting] * length, events
 
-    # -- what describes the dataset --------------------------------------------------------------------------------------
+    # -- what describes the dataset ------------------------------------------------------------------------------------
     def _write_meta(self, size: tuple[int, int]) -> None:
         """Describe the dataset with its newest episode; ``info.json`` last."""
         total = statistics.together([one["stats"] for one in self._episodes])

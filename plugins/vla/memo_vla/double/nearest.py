@@ -1,5 +1,5 @@
-"""A policy made of demonstrations: the nearest one by instruction, first pictures and first state is played. It needs no
-training, and generalises no further than that."""
+"""A policy made of demonstrations: the nearest one by instruction, first pictures and first state is played. It needs
+no training, and generalises no further than that."""
 
 from __future__ import annotations
 
