@@ -72,8 +72,4 @@ class Dataset:
 def _values(column: Any) -> Any:
     """Numbers as an array; language rows as lists."""
     rows = column.to_pylist()
-    return (
-        rows
-        if rows and isinstance(rows[0], list) and (not rows[0] or isinstance(rows[0][0], dict))
-        else np.asarray(rows)
-    )
+    return rows if pa.types.is_list(column.type) else np.asarray(rows)
