@@ -23,6 +23,7 @@ from memo_core.scene.pose import Array
 
 _SKILL = "motion"  # name of the motion in errors
 _STILL = 1e-6  # rad a tick: slower is rest
+_DUST = 1e-9  # rad/s, rad/s2
 _MOST_SLOWING = 4  # tries at keeping the tool's speed, each from the last
 
 
@@ -130,14 +131,23 @@ class JointStream:
 
     def _profile(self) -> Any:
         """The motion from the last set point, with its velocity and acceleration, to rest at the goal."""
+        from ruckig import RuckigError, Synchronization
+
+        try:
+            return self._calculated(Synchronization.Time)
+        except RuckigError:  # rounding can leave it no way to let all joints arrive at once: then each by itself
+            return self._calculated(Synchronization.No)
+
+    def _calculated(self, together: Any) -> Any:
         from ruckig import InputParameter, Ruckig, Trajectory
 
         count = self.kinematics.count
         request, profile = InputParameter(count), Trajectory(count)
         acceleration = self.kinematics.acceleration * ACCELERATION_SHARE
+        request.synchronization = together
         request.current_position, request.target_position = list(self._last), list(self.goal)
-        request.current_velocity = list(self._velocity)
-        request.current_acceleration = list(np.clip(self._acceleration, -acceleration, acceleration))
+        request.current_velocity = list(_without_dust(self._velocity))
+        request.current_acceleration = list(_without_dust(np.clip(self._acceleration, -acceleration, acceleration)))
         request.max_velocity = list(self.kinematics.velocity * SHARE)
         request.max_acceleration = list(acceleration)
         request.max_jerk = list(self.kinematics.jerk * JERK_SHARE)
@@ -147,3 +157,8 @@ class JointStream:
     def _ahead(self, targets: Array, before: Array) -> Array:
         """Commands (T, n) that make a lagging servo keep to targets (T, n), which follow ``before`` (n,)."""
         return targets + np.diff(targets, axis=0, prepend=before[None]) / self._link.control_period * self._lag
+
+
+def _without_dust(values: Array) -> Array:
+    """Values with what rounding left of zero taken away."""
+    return np.where(np.abs(values) < _DUST, 0.0, values)
