@@ -77,3 +77,8 @@ def test_each_script_is_run_by_a_test():
         Path(__file__).parents[1] / "gym" / "test_gymnasium.py"
     ).read_text(encoding="utf-8")
     assert [path.stem for path in EXAMPLES.glob("*.py") if path.stem not in tested] == []
+
+
+def test_a_policy_made_of_demonstrations_beats_standing_still(tmp_path):
+    played, still = load("policy_from_demonstrations").main("turn-on-the-faucet", 2, 2, tmp_path)
+    assert sum(played) > sum(still) == 0

@@ -10,31 +10,15 @@ import attrs
 import typer
 
 from memo_core.cli import ConfigFile, Json, Overrides, load, note, print_json
-from memo_core.plugin import InvalidArgument, MemoError
+from memo_core.plugin import InvalidArgument
 
 if TYPE_CHECKING:
     from memo_core.config import Experiment
     from memo_core.plugin import Task
     from memo_vla.dataset.writer import DatasetWriter
     from memo_vla.demonstrating import Shown
-    from memo_vla.settings import Layout
 
 ALL = "all"
-_TRIES = 3  # scenes for each episode that is wanted, before a task is given up
-
-
-@attrs.define(auto_exc=True, eq=False)
-class TooFewDemonstrations(MemoError):
-    """A task whose reference solution did not succeed in enough scenes. ``last``: what the last check said."""
-
-    task: str
-    made: int
-    wanted: int
-    last: str
-
-    def __str__(self) -> str:
-        made = f"{self.task}: {self.made} of {self.wanted} demonstrations succeeded"
-        return f"{made}; the last one that did not: {self.last} (memo tasks verify {self.task}; other scenes: --seed)"
 
 
 def demonstrate(
@@ -73,92 +57,39 @@ def demonstrate(
 
     The same command goes on where it was interrupted. FINETUNING.md beside the dataset has the commands for training.
     """
-    from memo_vla.demonstrating import WITH_WRIST
+    from memo_vla.demonstrating import WITH_WRIST, dataset_in, layout_of, record_references
 
     if bool(tasks) == bool(runs):
         raise InvalidArgument("TASK", "one of TASK and --from is needed", "memo demonstrate open-the-fridge")
-    layout = _layout(preset, rate, cameras)
+    layout = layout_of(preset, [name.strip() for name in cameras.split(",") if name.strip()], rate)
     _, experiment = load(config, [WITH_WRIST, *(overrides or ())])
-    writer = _writer(experiment, out, version, layout, height)
-    started, shown = time.monotonic(), []
-    if runs:
-        shown = [_of_run(folder, writer, overrides or [], failures, json) for folder in runs]
+    writer = dataset_in(out, experiment, layout, version, height)
+    started, tell = time.monotonic(), (lambda shown: None) if json else _tell
+    shown: list[Shown] = [_of_run(folder, writer, overrides or [], failures) for folder in runs or ()]
+    for one in shown:
+        tell(one)
     for task in _tasks(experiment, tasks or []):
-        shown += _of_task(experiment, task, episodes, seed, writer, failures, json)
+        shown += record_references(experiment, task, episodes, seed, writer, failures, tell)
     _finish(writer, shown, time.monotonic() - started, json)
-
-
-def _layout(preset: str, rate: int | None, cameras: str) -> Layout:
-    from memo_vla.settings import PRESETS
-
-    if preset not in PRESETS:
-        raise InvalidArgument("--preset", f"{preset!r} is none", " or ".join(PRESETS))
-    names = [name.strip() for name in cameras.split(",") if name.strip()]
-    layout = PRESETS[preset]
-    if not 1 <= len(set(names)) == len(names) <= len(layout.images):
-        wanted = f"1 to {len(layout.images)} names, none twice"
-        raise InvalidArgument("--cameras", f"{cameras!r}", wanted)
-    images = dict(zip(layout.images, names, strict=False))
-    return attrs.evolve(layout, images=images, rate_hz=float(rate or layout.rate_hz))
-
-
-def _writer(experiment: Experiment, out: Path, version: str, layout: Layout, height: int) -> DatasetWriter:
-    from memo_vla.dataset.writer import DatasetWriter, Kind
-
-    if version not in ("v3.0", "v2.1"):
-        raise InvalidArgument("--format", f"{version!r} is none", "v3.0 or v2.1")
-    if height % 2:
-        raise InvalidArgument("--height", f"{height} is odd", "an even number: video codecs want it")
-    robot = experiment.create("robot")
-    kind = Kind(version, round(layout.rate_hz), layout, tuple(layout.images.values()), height, robot.name)  # type: ignore[arg-type]
-    return DatasetWriter(out, kind, robot)
 
 
 def _tasks(experiment: Experiment, names: list[str]) -> list[Task]:
     from memo_core.runs import task_of, tasks_of
 
-    every = names == [ALL]
-    return list(tasks_of(experiment)) if every else [task_of(experiment, name) for name in names]
+    return list(tasks_of(experiment)) if names == [ALL] else [task_of(experiment, name) for name in names]
 
 
-def _of_task(
-    experiment: Experiment, task: Task, episodes: int, seed: int, writer: DatasetWriter, failures: bool, json: bool
-) -> list[Shown]:
-    """Demonstrations in the next scenes, until there are enough successes."""
-    from memo_vla.demonstrating import REFERENCE, demonstrate, reference_pieces
-
-    pieces, made = reference_pieces(task), 0
-    shown: list[Shown] = []
-    for number in range(seed, seed + _TRIES * episodes):
-        if made == episodes:
-            break
-        if writer.has(task.name, number, REFERENCE):
-            made += writer.succeeded(task.name, number, REFERENCE)
-            continue
-        one = demonstrate(experiment, task, number, pieces, writer, keep_failures=failures)
-        shown.append(one)
-        _tell(one, json)
-        made += one.success
-    if made < episodes:
-        last = next((one.reason for one in reversed(shown) if not one.success), "see --failures")
-        raise TooFewDemonstrations(task.name, made, episodes, last)
-    return shown
-
-
-def _of_run(folder: Path, writer: DatasetWriter, overrides: list[str], failures: bool, json: bool) -> Shown:
+def _of_run(folder: Path, writer: DatasetWriter, overrides: list[str], failures: bool) -> Shown:
+    """The approved programs of a run, recorded; already in the dataset, it is not done again."""
     from memo_core.runs import task_of
     from memo_vla.demonstrating import demonstrate, run_experiment_of, run_pieces
 
     pieces = run_pieces(folder)
     experiment, name, seed = run_experiment_of(folder, overrides)
-    shown = demonstrate(experiment, task_of(experiment, name), seed, pieces, writer, str(folder), failures)
-    _tell(shown, json)
-    return shown
+    return demonstrate(experiment, task_of(experiment, name), seed, pieces, writer, str(folder), failures)
 
 
-def _tell(shown: Shown, json: bool) -> None:
-    if json:
-        return
+def _tell(shown: Shown) -> None:
     how = f"episode {shown.number}, {shown.frames} frames" if shown.number is not None else "not kept"
     done = "done" if shown.success else f"not done: {shown.reason}"
     note(f"{shown.task}, seed {shown.seed}: {done}; {how}")

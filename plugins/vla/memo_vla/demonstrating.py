@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +18,11 @@ from memo_core.runs import environment_of, sandbox_of
 from memo_core.sandbox import Sandbox
 from memo_vla.dataset.recorder import Recorder, Recording
 from memo_vla.dataset.writer import About, DatasetWriter, Kind
+from memo_vla.errors import TooFewDemonstrations
+from memo_vla.settings import PRESETS, Layout
 
 REFERENCE = "reference"
+_SCENES = 3  # for each episode that is wanted, before a task is given up
 WITH_WRIST = "scene.wrist_camera=true"
 
 
@@ -45,6 +48,94 @@ class Shown:
     reason: str
     frames: int
     number: int | None
+
+
+def layout_of(preset: str, cameras: Sequence[str], rate: int | None = None) -> Layout:
+    """The layout of a preset with these cameras in the place of its own.
+
+    Args:
+        preset: name of a preset of the method ``vla``.
+        cameras: names of cameras, in the order of the preset's pictures; there may be fewer.
+        rate: frames a second; None: the preset's.
+
+    Raises:
+        InvalidArgument: for an unknown preset, no camera, too many, or one named twice.
+    """
+    if preset not in PRESETS:
+        raise InvalidArgument("--preset", f"{preset!r} is none", " or ".join(PRESETS))
+    layout = PRESETS[preset]
+    if not 1 <= len(set(cameras)) == len(cameras) <= len(layout.images):
+        wanted = f"1 to {len(layout.images)} names, none twice"
+        raise InvalidArgument("--cameras", f"{','.join(cameras)!r}", wanted)
+    images = dict(zip(layout.images, cameras, strict=False))
+    return attrs.evolve(layout, images=images, rate_hz=float(rate or layout.rate_hz))
+
+
+def dataset_in(
+    folder: Path, experiment: Experiment, layout: Layout, version: str = "v3.0", height: int = 240
+) -> DatasetWriter:
+    """The dataset in a folder, begun or gone on with.
+
+    Args:
+        folder: new, or with a dataset of the same kind.
+        experiment: selects the robot.
+        layout: what state and action are.
+        version: of LeRobot's format, ``v3.0`` or ``v2.1``.
+        height: of pictures, in pixels.
+
+    Raises:
+        InvalidArgument: for an unknown version, an odd height, or a folder that holds anything else.
+    """
+    if version not in ("v3.0", "v2.1"):
+        raise InvalidArgument("--format", f"{version!r} is none", "v3.0 or v2.1")
+    if height % 2:
+        raise InvalidArgument("--height", f"{height} is odd", "an even number: video codecs want it")
+    robot = experiment.create("robot")
+    kind = Kind(version, round(layout.rate_hz), layout, tuple(layout.images.values()), height, robot.name)  # type: ignore[arg-type]
+    return DatasetWriter(folder, kind, robot)
+
+
+def record_references(
+    experiment: Experiment,
+    task: Task,
+    episodes: int,
+    seed: int,
+    writer: DatasetWriter,
+    keep_failures: bool = False,
+    tell: Callable[[Shown], None] = lambda shown: None,
+) -> list[Shown]:
+    """Record a task's reference solution in one scene after the other, until there are enough successes.
+
+    Args:
+        experiment: selects simulator, robot and perception.
+        task: the task.
+        episodes: successes that are wanted; those that the dataset has already count.
+        seed: seed of the first scene.
+        writer: the dataset.
+        keep_failures: whether failures are added as well.
+        tell: called after each one.
+
+    Returns:
+        Those recorded now.
+
+    Raises:
+        InvalidArgument: if the task has no reference solution.
+        TooFewDemonstrations: after three times as many scenes; what succeeded is kept.
+    """
+    pieces, shown, made = reference_pieces(task), [], 0
+    for scene in range(seed, seed + _SCENES * episodes):
+        if made == episodes:
+            return shown
+        if writer.has(task.name, scene, REFERENCE):
+            made += writer.succeeded(task.name, scene, REFERENCE)
+            continue
+        shown.append(demonstrate(experiment, task, scene, pieces, writer, keep_failures=keep_failures))
+        made += shown[-1].success
+        tell(shown[-1])
+    if made < episodes:
+        last = next((one.reason for one in reversed(shown) if not one.success), "an earlier one")
+        raise TooFewDemonstrations(task.name, made, episodes, last)
+    return shown
 
 
 def reference_pieces(task: Task) -> tuple[Piece, ...]:
