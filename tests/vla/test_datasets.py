@@ -1,4 +1,4 @@
-"""Demonstrations as datasets: what was recorded comes out again, in both versions, and an interrupted command goes on."""
+"""Demonstrations as datasets: what was recorded comes out again, in both versions; an interrupted command goes on."""
 
 from __future__ import annotations
 
@@ -35,6 +35,12 @@ pytestmark = [pytest.mark.sim, pytest.mark.process]
 
 TASK = "turn-on-the-faucet"
 CAMERAS = ["front", "wrist"]
+PROGRAM = """
+open_gripper(0.04)
+p = get_gripper_position()
+move_straight([p[0], p[1] + 0.1, p[2]])
+close_gripper()
+"""
 CODEC_TOLERANCE = 6.0  # of 255, mean over the pixels of a picture: H.264 halves the resolution of colours
 
 
@@ -61,7 +67,7 @@ def recorded(experiment, tmp_path_factory):
         recorder = Recorder(world, CAMERAS, 120, 10.0, folder)
         with recorder.recording_now() as recording:
             recorder.say("subtask", "WAVE(hand)")
-            execution = run_program(world, "open_gripper(0.04)\nmove_by([0, 0.1, 0.05])\nclose_gripper()\n", sandbox)
+            execution = run_program(world, PROGRAM, sandbox)
             recorder.say("interjection", "that is enough", role="user")
         assert not execution.error, execution.error
     return task, recording, drawn
@@ -106,10 +112,9 @@ def test_a_dataset_read_back_equals_the_recording(version, preset, experiment, r
 
 
 def test_language_columns_say_what_was_done_and_said_when(experiment, recorded, tmp_path):
-    task, recording, _ = recorded
+    recording = recorded[1]
     writer = dataset_in(tmp_path / "set", experiment, layout_of("libero", CAMERAS, 10), height=120)
-    columns = writer._language(recording.said, len(recording) - 1)
-    lasting, events = columns
+    lasting, events = writer._language(recording.said, len(recording) - 1)
     assert all(rows is lasting[0] for rows in lasting) and lasting[0][0]["timestamp"] == 0.0
     assert (lasting[0][0]["style"], lasting[0][0]["content"]) == ("subtask", "WAVE(hand)")
     [said] = [row for rows in events for row in rows]
@@ -158,7 +163,7 @@ def test_a_task_that_is_never_done_is_told_with_its_last_reason(experiment, tmp_
     task = task_of(experiment, TASK)
     monkeypatch.setattr(type(task), "reference_solution", "wait(0.2)\n")
     writer = dataset_in(tmp_path, experiment, layout_of("joints", CAMERAS), height=96)
-    with pytest.raises(TooFewDemonstrations, match="0 of 1 .*the lever"):
+    with pytest.raises(TooFewDemonstrations, match=r"0 of 1 .*the lever"):
         record_references(experiment, task, 1, 0, writer)
 
 

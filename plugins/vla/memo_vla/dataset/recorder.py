@@ -100,8 +100,8 @@ class Recorder:
             self.recording.pictures[camera] = video.statistics
 
     def say(self, style: str, content: str, role: str = "assistant") -> None:
-        """Add a row of the language columns at the next frame."""
-        self.recording.said.append(Said(len(self.recording), style, content, role))
+        """Add a row of the language columns at the last frame."""
+        self.recording.said.append(Said(max(len(self.recording) - 1, 0), style, content, role))
 
     def _tick(self) -> None:
         # Commands run ahead of where the arm is sent by the servo's lag; this recursion takes the lead back out.
