@@ -16,13 +16,13 @@ from memo_vla.double.server import PolicyServer
 import memo_core as memo
 from memo_core.runs import task_of
 
-NEW = 1_000_000  # seed of the first new scene; demonstrations begin at 0
+NEW = 1_000_000  # seed of the first new scene
 
 
-def main(task: str, episodes: int, scenes: int, out: Path) -> tuple[list[bool], list[bool]]:
+def main(task: str, episodes: int, scenes: int, out: Path, first: int = 0) -> tuple[list[bool], list[bool]]:
     experiment = memo.load(None, WITH_WRIST)
     dataset = dataset_in(out / "demonstrations", experiment, layout_of("joints", ["front", "wrist"]))
-    record_references(experiment, task_of(experiment, task), episodes, 0, dataset)
+    record_references(experiment, task_of(experiment, task), episodes, first, dataset)
     print(f"{dataset.folder}: {dataset.episodes} demonstrations, {dataset.frames} frames")
     with PolicyServer(NearestDemonstration(dataset.folder)) as server:
         settings = ("method.backend=vla", "method.preset=joints", f"method.url={server.url}", WITH_WRIST)
@@ -49,7 +49,8 @@ if __name__ == "__main__":
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--task", default="turn-on-the-faucet")
     options.add_argument("--episodes", type=int, default=8)
+    options.add_argument("--first", type=int, default=0, help="seed of the first demonstration")
     options.add_argument("--scenes", type=int, default=5)
     options.add_argument("--out", type=Path, default=Path("runs/policy-from-demonstrations"))
     chosen = options.parse_args()
-    main(chosen.task, chosen.episodes, chosen.scenes, chosen.out)
+    main(chosen.task, chosen.episodes, chosen.scenes, chosen.out, chosen.first)

@@ -83,5 +83,5 @@ def test_each_script_is_run_by_a_test():
 @pytest.mark.process
 @pytest.mark.wire
 def test_a_policy_made_of_demonstrations_beats_standing_still(tmp_path):
-    played, still = load("policy_from_demonstrations").main("turn-on-the-faucet", 2, 2, tmp_path)
+    played, still = load("policy_from_demonstrations").main("turn-on-the-faucet", 2, 2, tmp_path, first=2)
     assert sum(played) > sum(still) == 0

@@ -63,10 +63,10 @@ class Dataset:
         columns = {name: _values(table[name]) for name in table.column_names}
         return Episode(number, about["instruction"], about, columns)
 
-    def pictures(self, number: int, camera: str) -> Iterator[np.ndarray]:
-        """The pictures of a camera in an episode, RGB, uint8, shape (H, W, 3)."""
+    def pictures(self, number: int, camera: str, most: int | None = None) -> Iterator[np.ndarray]:
+        """The pictures of a camera in an episode, the first ``most`` of them, RGB, uint8, shape (H, W, 3)."""
         path = place(VIDEO_PATHS[self.kind.version], number, self.names.pictures[camera])
-        return read_video(self.folder / path)
+        return read_video(self.folder / path, most)
 
 
 def _values(column: Any) -> Any:

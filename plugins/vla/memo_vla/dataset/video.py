@@ -83,15 +83,20 @@ class Video:
         self.path.unlink(missing_ok=True)
 
 
-def read_video(path: Path) -> Iterator[np.ndarray]:
+def read_video(path: Path, most: int | None = None) -> Iterator[np.ndarray]:
     """Frames of a video, RGB, uint8, shape (H, W, 3).
+
+    Args:
+        path: the file.
+        most: number of frames to read at most; None: all.
 
     Raises:
         OSError: if it cannot be read.
     """
     import imageio_ffmpeg
 
-    reader = imageio_ffmpeg.read_frames(str(path))
+    limit = [] if most is None else ["-frames:v", str(most)]
+    reader = imageio_ffmpeg.read_frames(str(path), output_params=limit)
     width, height = next(reader)["size"]
     for frame in reader:
         yield np.frombuffer(frame, np.uint8).reshape(height, width, 3)

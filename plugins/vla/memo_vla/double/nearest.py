@@ -52,7 +52,8 @@ class NearestDemonstration:
 
     def _read(self, dataset: Dataset, number: int) -> _Demonstration:
         episode: Episode = dataset.episode(number)
-        first = [shaped(next(dataset.pictures(number, camera)), self.layout) for camera in self.layout.images.values()]
+        cameras = self.layout.images.values()
+        first = [shaped(picture, self.layout) for name in cameras for picture in dataset.pictures(number, name, 1)]
         state, actions = (episode.columns[name] for name in (dataset.names.state, dataset.names.action))
         return _Demonstration(episode.instruction, np.stack(state), np.stack(actions), self._look(first))
 
