@@ -92,7 +92,8 @@ def _missing(experiment: Experiment) -> list[str]:
 
     values = [*experiment.choices.values(), *experiment.skills]
     for section in experiment.sections.values():
-        values += attrs.asdict(section, recurse=False).values()
+        for value in attrs.asdict(section, recurse=False).values():
+            values += value if isinstance(value, tuple) else [value]
     found = [value.unavailable() for value in values if isinstance(value, Choice)]
     return list(dict.fromkeys(str(one) for one in found if one is not None))
 

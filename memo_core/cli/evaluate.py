@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from memo_core.cli.options import Json, Overrides
-from memo_core.cli.output import note, print_json, progress_bar
+from memo_core.cli.output import note, print_json, print_table, progress_bar
 from memo_core.cli.signal_handling import INTERRUPTED, stopping
 from memo_core.errors import Stopped
 from memo_core.text.parsing import resolved
@@ -79,11 +79,20 @@ def command(
     if json:
         print_json(shown)
     else:
-        print(
-            f"{shown['successes']} of {shown['trials']} trials succeeded; {shown['runs']} runs, {shown['wall_s']:.0f} s"
-        )
+        print_outcomes(evaluated)
+        print(f"{shown['trials']} trials in {shown['runs']} runs, {shown['wall_s']:.0f} s")
         print(f"kept in {folder / 'evaluation'}; the report: memo report {folder}")
     exit_for_errors(evaluated)
+
+
+def print_outcomes(evaluated: Evaluated) -> None:
+    """Print how many trials succeeded, by method, skillbook and mode; intervals are in the report."""
+    rows = [
+        (one["method"], one["ablation"], one["skillbook"] or "–", one["mode"], f"{one['successes']} of {one['trials']}")
+        for one in evaluated.summary()["outcomes"]
+    ]
+    if rows:
+        print_table(("method", "ablation", "skillbook", "mode", "succeeded"), rows)
 
 
 def exit_for_errors(evaluated: Evaluated) -> None:

@@ -37,7 +37,7 @@ def command(
 
     Stopped or killed at any moment, the same command goes on.
     """
-    from memo_core.cli.evaluate import exit_for_errors, run_evaluation
+    from memo_core.cli.evaluate import exit_for_errors, print_outcomes, run_evaluation
     from memo_core.cli.options import load_registry, tell_author
     from memo_core.cli.study import experiment_folder
     from memo_core.evaluation.evaluating import unread
@@ -81,7 +81,8 @@ def command(
     if json:
         print_json(shown)
     else:
-        print(f"{shown['successes']} of {shown['trials']} trials succeeded; {sum(took.values()):.0f} s in all")
+        print_outcomes(evaluated)
+        print(f"{shown['trials']} trials in {shown['runs']} runs; {sum(took.values()):.0f} s in all")
         print(f"the page to look at: {written.page}")
     exit_for_errors(evaluated)
 

@@ -28,7 +28,7 @@ from memo_core.evaluation.engines import Group, GroupResult, do_here, on_joblib,
 from memo_core.evaluation.grid import Trial, trials_of
 from memo_core.evaluation.on_hardware import check_settings, in_random_order, is_hardware
 from memo_core.evaluation.settings import EvaluationSettings
-from memo_core.evaluation.table import rows_of, write_table
+from memo_core.evaluation.table import outcomes, rows_of, write_table
 from memo_core.evaluation.trial import Place, do_on_robot, experiment_of
 from memo_core.plugins.registry import Registry
 from memo_core.process.stop_switch import StopSwitch
@@ -94,7 +94,7 @@ class Evaluated:
             "planned": self.planned,
             "runs": ran,
             "shared": len(self.rows) - ran,
-            "successes": sum(row["success"] for row in self.rows),
+            "outcomes": outcomes(self.rows),
             "errors": len(self.errors),
             "wall_s": round(self.wall_s, 1),
         }
@@ -232,7 +232,7 @@ def _keep_code(experiment: Experiment, folder: Path, note: Callable[[str], None]
 
 def _check_same(folder: Path, values: dict[str, Any]) -> None:
     before = yaml.safe_load((folder / CONFIG).read_text(encoding="utf-8"))
-    then, now = _methods_of(before), _methods_of(nested(values))
+    then, now = methods_of(before), methods_of(nested(values))
     both = {f"evaluation.methods.{name}": (then[name], now[name]) for name in then if name in now}
     kept = {name: section for name, section in before.items() if f"{name}." not in _GRID}
     kept |= nested({path: settings for path, (settings, _) in both.items()})
@@ -245,7 +245,7 @@ def _check_same(folder: Path, values: dict[str, Any]) -> None:
         raise InvalidArgument("--out", problem, "another folder, or the same experiment") from None
 
 
-def _methods_of(settings: dict[str, Any]) -> dict[str, Any]:
+def methods_of(settings: dict[str, Any]) -> dict[str, Any]:
     """The settings of the methods that an evaluation compares, by method."""
     listed = settings.get("evaluation", {}).get("methods", ())
     entries = [{"backend": entry} if isinstance(entry, str) else entry for entry in listed]  # text: a former version's

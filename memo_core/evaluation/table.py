@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,30 @@ NUMBERS = ("hours", "robot_s", "wall_s", "cost")
 def rows_of(place: Place, trials: Sequence[Trial]) -> list[dict[str, Any]]:
     """The rows of the trials that are over, in the grid's order."""
     return [row for trial in trials if (row := place.row(trial)) is not None]
+
+
+def has_memory(row: Mapping[str, Any]) -> bool:
+    """Whether a row is of a method with a skillbook, empty or not. Tables of former versions lack the column."""
+    return bool(row.get("memory", row["history"] is not None or bool(row.get("given"))))
+
+
+def book_name(row: Mapping[str, Any]) -> str:
+    """The skillbook of a row: the hours of teaching, or the name of a given one; empty for none."""
+    if row["given"]:
+        return Path(row["given"]).stem
+    return f"{row['hours']:g} h" if has_memory(row) and row["hours"] is not None else ""
+
+
+def outcomes(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Trials and successes of each method, ablation, skillbook and mode, which are never added up."""
+    found: dict[tuple[str, str, str, str], list[bool]] = {}
+    for row in rows:
+        found.setdefault((row["method"], row["ablation"], book_name(row), row["mode"]), []).append(row["success"])
+    names = ("method", "ablation", "skillbook", "mode")
+    return [
+        dict(zip(names, key, strict=True)) | {"trials": len(done), "successes": sum(done)}
+        for key, done in found.items()
+    ]
 
 
 def write_table(folder: Path, rows: Sequence[dict[str, Any]], errors: Sequence[dict[str, Any]] = ()) -> None:

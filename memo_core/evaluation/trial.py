@@ -218,7 +218,7 @@ def _done(load: Load, registry: Registry, place: Place, trial: Trial) -> dict[st
 
 
 def _book(experiment: Experiment, place: Place, trial: Trial) -> Skillbook | None:
-    """The trial's skillbook: one that is only read and observed, or where somebody corrects a private copy. None for a
+    """The trial's skillbook: one that is only read and observed or, in a corrected trial, a private copy. None for a
     method that neither retrieves nor takes feedback."""
     if not _takes_book(experiment):
         return None

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from memo_core.report.findings import Findings
-from memo_core.report.tables import Table, paper_numbers, said_by_the_paper
+from memo_core.report.statistics import poolable
+from memo_core.report.tables import Table, paper_numbers, rate_of, said_by_the_paper
 
 _PAPER, _OURS = "paper", "ours"
 
@@ -85,7 +86,7 @@ def table_1_beside_the_paper(findings: Findings) -> Table:
 
 def _not_comparable(findings: Findings) -> str:
     return (
-        f"Ours: language backend {findings.backend}, suite {findings.suite}. Where model, robot or people differ from "
+        f"Ours: {findings.made_with}. Where model, robot or people differ from "
         "the paper's, a difference says nothing about the methods."
     )
 
@@ -110,7 +111,7 @@ def _cell(figures: Sequence[float]) -> str:
 
 
 def _percent(rows: Sequence[dict[str, Any]]) -> str:
-    return f"{100 * _mean(rows, 'success'):.0f} % of {len(rows)}" if rows else "-"
+    return f"{rate_of(rows).text()} of {len(rows)}" if rows else "-"
 
 
 def _corrections(rows: Sequence[dict[str, Any]]) -> str:
@@ -118,7 +119,7 @@ def _corrections(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def _mean(rows: Sequence[dict[str, Any]], column: str) -> float:
-    return sum(float(row[column]) for row in rows) / len(rows)
+    return sum(float(row[column]) for row in poolable(rows)) / len(rows)
 
 
 def _a_history(count: int | None, histories: int) -> str:

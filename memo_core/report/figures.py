@@ -18,6 +18,7 @@ from memo_core.skillbook.stats import Growth
 
 COLOURS = {"memo": "#0072b2", "memo-c": "#56b4e9", "memo-s": "#7f7f7f", "droc-v": "#d55e00"}  # safe for colour-blind
 MARKERS = {"memo": "o", "memo-c": "s", "memo-s": "", "droc-v": "^"}
+FURTHER = ("#009e73", "#cc79a7", "#e69f00", "#000000")  # of plugins' methods, in order
 LINE_WIDTHS = {"memo": 5.0, "memo-c": 3.0, "droc-v": 1.3}
 DOTS_PER_INCH = 150
 
@@ -69,7 +70,7 @@ def _drawn(
             return None
         axes.spines[["top", "right"]].set_visible(False)
         axes.set_title(title, loc="left", fontsize=11, pad=18)
-        figure.supxlabel(f"language backend: {findings.backend}; suite: {findings.suite}", fontsize=8, color="#555555")
+        figure.supxlabel(findings.made_with, fontsize=8, color="#555555")
         folder.mkdir(parents=True, exist_ok=True)
         made = Figure(name, title, folder / f"{name}.svg", folder / f"{name}.png")
         figure.savefig(made.svg, metadata={"Date": None})
@@ -84,7 +85,7 @@ def _by_hours(findings: Findings, axes: Any) -> bool:
     shown = False
     for method in findings.methods:
         rows = findings.zero_shot(method=method, given="")
-        style = {"color": COLOURS.get(method, "#000000"), "label": method}
+        style = {"color": _colour(findings, method), "label": f"{method} ({len(rows)} trials)"}
         level = [row for row in rows if row["hours"] is None]
         if level:
             rate = rate_of(level)
@@ -115,12 +116,18 @@ def _by_task(findings: Findings, axes: Any) -> bool:
         rates = [rate_of([row for row in findings.largest(method) if row["task"] == task]) for task in tasks]
         at = np.arange(len(tasks)) + (place - (len(methods) - 1) / 2) * width
         heights = [0.0 if np.isnan(rate.value) else 100 * rate.value for rate in rates]
-        axes.bar(at, heights, width, label=method, color=COLOURS.get(method, "#000000"), yerr=_errors(rates), capsize=2)
+        label = f"{method} ({len(findings.largest(method))} trials)"
+        axes.bar(at, heights, width, label=label, color=_colour(findings, method), yerr=_errors(rates), capsize=2)
     axes.set_xticks(range(len(tasks)), [task.replace("-", " ") for task in tasks], rotation=18, ha="right", fontsize=8)
     axes.set(ylabel="success, %", ylim=(0, 103))
     below_title = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.0, "borderpad": 0.2}
     axes.legend(frameon=False, fontsize=9, ncols=len(methods), **below_title)
     return True
+
+
+def _colour(findings: Findings, method: str) -> str:
+    others = [name for name in findings.methods if name not in COLOURS]
+    return COLOURS.get(method) or FURTHER[others.index(method) % len(FURTHER) if method in others else -1]
 
 
 def _errors(rates: list[Interval]) -> Any:
@@ -139,14 +146,14 @@ def _profiles(findings: Findings, axes: Any) -> bool:
             continue
         shares = performance_profile(outcomes, thresholds)
         bands = [_share_above(outcomes, threshold) for threshold in thresholds[::3]]
-        colour = COLOURS.get(method, "#000000")
+        colour = _colour(findings, method)
         axes.step(
             100 * thresholds,
             100 * shares,
             where="post",
             color=colour,
             linewidth=LINE_WIDTHS.get(method, 1.5),
-            label=method,
+            label=f"{method} ({outcomes.trials} trials)",
         )
         low, high = [100 * band.low for band in bands], [100 * band.high for band in bands]
         axes.fill_between(100 * thresholds[::3], low, high, step="post", color=colour, alpha=0.1)
@@ -164,18 +171,18 @@ def _share_above(outcomes: Outcomes, threshold: float) -> Interval:
 
 
 def _books(findings: Findings, axes: Any) -> bool:
-    told = {"memo-c": "before clustering (memo-c)", "memo": "after clustering (memo)", "droc-v": "droc-v"}
+    told = {"memo-c": "before clustering (memo-c)", "memo": "after clustering (memo)"}
     shown = False
-    for method, label in told.items():
+    for method in dict.fromkeys((*told, *(book["method"] for book in findings.books))):
         of = [book for book in findings.books if book["method"] == method and not book["ablation"]]
         hours = sorted({book["hours"] for book in of})
         if len(hours) > 1:
             sizes = [[book["characters"] for book in of if book["hours"] == hour] for hour in hours]
-            axes.plot(
-                hours, [np.mean(size) for size in sizes], marker=MARKERS[method], color=COLOURS[method], label=label
-            )
+            style = {"marker": MARKERS.get(method, "o"), "label": told.get(method, method)}
+            colour = _colour(findings, method)
+            axes.plot(hours, [np.mean(size) for size in sizes], color=colour, **style)
             axes.fill_between(
-                hours, [min(size) for size in sizes], [max(size) for size in sizes], color=COLOURS[method], alpha=0.12
+                hours, [min(size) for size in sizes], [max(size) for size in sizes], color=colour, alpha=0.12
             )
             shown = True
     axes.set(xlabel="hours of teaching", ylabel="characters; band: all histories")

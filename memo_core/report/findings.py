@@ -13,7 +13,8 @@ from memo_core.config import Experiment
 from memo_core.errors import InvalidArgument
 from memo_core.evaluation.books import contents
 from memo_core.evaluation.references import read_references
-from memo_core.evaluation.table import ERRORS, read_table
+from memo_core.evaluation.table import ERRORS, has_memory, read_table
+from memo_core.report.made_with import made_with, method_settings, named
 from memo_core.runs.factories import book_of, tasks_of
 from memo_core.skillbook.functions import functions_of, record_of
 from memo_core.skillbook.model.entries import GLOBAL_KEY
@@ -31,6 +32,7 @@ class Findings:
     folder: Path
     backend: str  # the language backend that everything was made with
     suite: str
+    made_with: str  # all backends that are behind the rates
     settings: dict[str, Any]  # of the evaluation, by section
     study: dict[str, Any]  # the section `study`
     journals: tuple[Journal, ...]
@@ -65,6 +67,19 @@ class Findings:
     def hours(self) -> tuple[float, ...]:
         return tuple(sorted({row["hours"] for row in self.rows if row["hours"] is not None}))
 
+    @property
+    def method_settings(self) -> dict[str, str]:
+        """Settings of the methods that have any, in words."""
+        return method_settings(self.settings)
+
+    def has_memory(self, method: str) -> bool:
+        """Whether a method has a skillbook."""
+        return any(has_memory(row) for row in self.chosen(method=method))
+
+    def takes_feedback(self, method: str) -> bool:
+        """Whether a method can be corrected; tables of former versions have only methods that can."""
+        return any(row.get("takes_feedback", True) for row in self.chosen(method=method))
+
     def largest(self, method: str, mode: str = "zero-shot") -> list[dict[str, Any]]:
         """Rows of a method with its largest book; of one without memory, all."""
         rows = self.chosen(method=method, mode=mode, ablation="", given="")
@@ -89,8 +104,9 @@ def gather(registry: Any, folder: Path) -> Findings:
         journals = journals_of(experiment, study)
     return Findings(
         folder,
-        backend=_backend(settings),
+        backend=named(settings["llm"]),
         suite=str(settings["suite"]["backend"]),
+        made_with=made_with(settings),
         settings=settings,
         study=settings.get("study", {}),
         journals=tuple(journals),
@@ -102,12 +118,6 @@ def gather(registry: Any, folder: Path) -> Findings:
         errors=tuple(read_table(evaluation, ERRORS)),
         references=read_references(evaluation),
     )
-
-
-def _backend(settings: dict[str, Any]) -> str:
-    llm = settings["llm"]
-    model = llm.get("model") or (llm.get("inner") or {}).get("model")
-    return f"{llm['backend']} ({model})" if model else str(llm["backend"])
 
 
 def _feedback(experiment: Experiment, journals: list[Journal]) -> list[dict[str, Any]]:

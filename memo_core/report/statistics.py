@@ -9,13 +9,16 @@ NeurIPS 2021 (rliable)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from statistics import NormalDist
 from typing import Any
 
 import attrs
 import numpy as np
 from numpy.typing import NDArray
+
+from memo_core.errors import InvalidArgument
+from memo_core.evaluation.table import has_memory
 
 Scores = NDArray[np.float64]
 Draw = tuple[NDArray[np.int64], dict[str, NDArray[np.int64]]]
@@ -43,6 +46,15 @@ class Interval:
         return f"{value}{unit} ({low} to {high})"
 
 
+def poolable(rows: Iterable[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """The rows, which may be averaged: all are with a skillbook, or all are without. Raises ``InvalidArgument``."""
+    listed = list(rows)
+    if len({has_memory(row) for row in listed}) > 1:
+        problem = "some are of a method with a skillbook, some of one without; these are never averaged together"
+        raise InvalidArgument("rows", problem, "rows of one kind")
+    return listed
+
+
 @attrs.frozen(eq=False)
 class Outcomes:
     """One number a trial, by task: an array of histories x scenes. A method without a book has one history."""
@@ -51,9 +63,10 @@ class Outcomes:
 
     @classmethod
     def of(cls, rows: Iterable[dict[str, Any]], column: str = "success") -> Outcomes:
-        """From rows of an evaluation's table; trials of one scene are averaged, missing ones are NaN."""
+        """Make outcomes of rows of an evaluation's table; trials of one scene are averaged, missing ones are NaN.
+        Raises ``InvalidArgument`` for rows with and without a skillbook together."""
         cells: dict[str, dict[tuple[Any, int], list[float]]] = {}
-        for row in rows:
+        for row in poolable(rows):
             cells.setdefault(row["task"], {}).setdefault((row["history"], row["scene"]), []).append(float(row[column]))
         histories = sorted({key[0] for cell in cells.values() for key in cell}, key=lambda one: (one is not None, one))
         made = {}

@@ -16,8 +16,17 @@ import yaml
 
 from memo_core.evaluation.settings import EMPTY
 from memo_core.report.findings import Findings
-from memo_core.report.statistics import Interval, Outcomes, difference, interval, probability_of_improvement, wilson
+from memo_core.report.statistics import (
+    Interval,
+    Outcomes,
+    difference,
+    interval,
+    probability_of_improvement,
+    wilson,
+)
 from memo_core.skillbook.model.entries import KINDS
+
+NOT_ABLE = "–"  # cell of a method that declares to have no skillbook, or to take no feedback
 
 
 @attrs.frozen(eq=False)
@@ -82,17 +91,16 @@ def success_and_corrections(findings: Findings) -> Table:
     for method in findings.methods:
         zero, watched = findings.largest(method), findings.largest(method, "corrected")
         done = [row for row in watched if row["success"]]
+        corrected = (_rate(watched), _number(watched, "corrections"), _number(done, "corrections"))
         rows.append(
             (
                 method,
-                _hours(zero or watched),
+                _hours(zero or watched) if findings.has_memory(method) else NOT_ABLE,
                 _rate(zero),
-                _rate(watched),
-                _number(watched, "corrections"),
-                _number(done, "corrections"),
-                _number(zero, "programs"),
+                *(corrected if findings.takes_feedback(method) else [NOT_ABLE] * len(corrected)),
+                NOT_ABLE if zero and not any(row["programs"] for row in zero) else _number(zero, "programs"),
                 len(zero),
-                len(watched),
+                len(watched) if findings.takes_feedback(method) else NOT_ABLE,
             )
         )
     columns = (
@@ -108,7 +116,8 @@ def success_and_corrections(findings: Findings) -> Table:
     )
     note = (
         "Largest book of each method. Intervals (95 %): bootstrap over teaching histories and scenes. Where all trials "
-        "came out alike it has no width, which does not make the rate certain."
+        "came out alike it has no width, which does not make the rate certain. –: the method has no skillbook, takes "
+        "no feedback, or writes no programs."
     )
     return Table("table-2-success", "Table II: success and corrections", columns, tuple(rows), note)
 
@@ -147,38 +156,43 @@ def comparisons(findings: Findings) -> Table:
                 continue
             better = interval([memo, other], difference)
             chance = interval([memo, other], probability_of_improvement)
-            rows.append((f"memo - {method}", better.text(unit=" points"), chance.text(1.0, 2, "")))
+            trials = f"{memo.trials} and {other.trials}"
+            rows.append((f"memo - {method}", better.text(unit=" points"), chance.text(1.0, 2, ""), trials))
     note = (
         "Probability of improvement: that a trial of memo comes out better than one of the other; a draw counts half."
     )
-    columns = ("compared", "difference of success", "probability of improvement")
+    columns = ("compared", "difference of success", "probability of improvement", "trials")
     return Table("comparisons", "Comparisons, largest book, zero-shot", columns, tuple(rows), note)
 
 
 def floor_and_ceiling(findings: Findings) -> Table:
     rows = []
     for task in findings.tasks:
-        untaught = [row for row in findings.zero_shot(task=task) if row["hours"] == 0.0 or row["method"] == "memo-s"]
-        taught = [row for row in findings.largest("memo") if row["task"] == task] if "memo" in findings.methods else []
+        without = findings.zero_shot(task=task, method="memo-s")
+        untaught = findings.zero_shot(task=task, method="memo", hours=0.0, given="")
+        taught = [row for row in findings.largest("memo") if row["task"] == task]
         measured = findings.references.get(task, {})
         reference = f"{measured['reference']} of {measured['scenes']}" if measured else "not measured"
         nothing = f"{measured['nothing']} of {measured['scenes']}" if measured else "not measured"
-        rows.append((task, nothing, _share(untaught), _share(taught), reference))
+        rows.append((task, nothing, _rate(without), _rate(untaught), _rate(taught), reference))
     note = "Where an effect can show: between what is reached untaught and what the hand-written reference reaches."
-    columns = ("task", "doing nothing", "untaught", "taught (memo, largest book)", "reference")
+    columns = ("task", "doing nothing", "memo-s", "memo, empty book", "memo, largest book", "reference")
     return Table("floor-and-ceiling", "Floor and ceiling of each task", columns, tuple(rows), note)
 
 
 def books(findings: Findings) -> Table:
     rows = []
+    methods = dict.fromkeys((*findings.methods, *(book["method"] for book in findings.books)))
     for hours in sorted({book["hours"] for book in findings.books}):
-        for method in ("memo-c", "memo", "droc-v"):
+        for method in methods:
             of = [b for b in findings.books if b["hours"] == hours and b["method"] == method and not b["ablation"]]
             if of:
                 means = [sum(b.get(name, 0) for b in of) / len(of) for name in _COUNTED]
                 rows.append((f"{hours:g}", method, of[0]["clustering"], *(f"{mean:.1f}" for mean in means), len(of)))
-    note = "Means over histories. Before clustering: memo-c; after: memo."
     columns = ("hours", "method", "clustered", *_COUNTED[:2], *(f"{kind}s" for kind in _COUNTED[2:]), "books")
+    without = [method for method in findings.methods if rows and not findings.has_memory(method)]
+    rows += [(NOT_ABLE, method, *[NOT_ABLE] * (len(columns) - 2)) for method in without]
+    note = "Means over histories. Before clustering: memo-c; after: memo. –: the method has no skillbook."
     return Table("books", "Entries and characters before and after clustering", columns, tuple(rows), note)
 
 
@@ -210,13 +224,19 @@ def retrieval(findings: Findings) -> Table:
         chosen = findings.largest(method)
         served = sum(row["served"] for row in chosen)
         irrelevant = sum(row["irrelevant"] for row in chosen)
-        if served:
+        if not findings.has_memory(method):
+            rows.append((method, *[NOT_ABLE] * 4))
+        elif served:
             rows.append(
                 (method, served, irrelevant, f"{100 * irrelevant / served:.0f} %", f"{served / len(chosen):.1f}")
             )
-    note = "Irrelevant: made at another action on other things than the subtask it was served to."
+    note = (
+        "Irrelevant: made at another action on other things than the subtask it was served to. –: the method has no "
+        "skillbook."
+    )
     columns = ("method", "entries served", "irrelevant", "share", "served a trial")
-    return Table("retrieval", "Irrelevant entries served, largest book, zero-shot", columns, tuple(rows), note)
+    shown = tuple(rows) if any(row[1] != NOT_ABLE for row in rows) else ()
+    return Table("retrieval", "Irrelevant entries served, largest book, zero-shot", columns, shown, note)
 
 
 def failures(findings: Findings) -> Table:
@@ -390,17 +410,14 @@ def rate_of(rows: Sequence[dict[str, Any]]) -> Interval:
 
 
 def _rate(rows: Sequence[dict[str, Any]]) -> str:
-    return rate_of(rows).text()
+    """``67 % (33 to 100) of 12``."""
+    return f"{rate_of(rows).text()} of {len(rows)}" if rows else "-"
 
 
 def _counted(successes: int, trials: int) -> str:
     """``10 of 16 (39 to 82 %)``."""
     found = wilson(successes, trials)
     return f"{successes} of {trials} ({100 * found.low:.0f} to {100 * found.high:.0f} %)"
-
-
-def _share(rows: Sequence[dict[str, Any]]) -> str:
-    return f"{sum(row['success'] for row in rows)} of {len(rows)}" if rows else "-"
 
 
 def _number(rows: Sequence[dict[str, Any]], column: str) -> str:

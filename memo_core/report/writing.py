@@ -18,7 +18,8 @@ from memo_core.report.figures import Figure, all_figures
 from memo_core.report.films import Film, read_films
 from memo_core.report.findings import Findings, gather
 from memo_core.report.run_reader import read_story
-from memo_core.report.tables import all_tables
+from memo_core.report.separation import warnings_of
+from memo_core.report.tables import Table, all_tables
 from memo_core.runlog.whole_files import write_whole
 from memo_core.text.parsing import resolved
 
@@ -40,11 +41,13 @@ def write_report(registry: Registry, folder: Path) -> Written:
 def write_experiment_report(registry: Registry, folder: Path) -> Written:
     """``DIR/report``: index.html, tables.md, and a file a table and figure. Raises ``InvalidArgument``."""
     findings, out = gather(registry, folder), folder / "report"
-    tables, paper = all_tables(findings), paper_tables(findings)
+    tables, paper = [_with_origin(table, findings) for table in all_tables(findings)], paper_tables(findings)
     files = [write_whole(out / f"{table.name}.csv", table.csv()) for table in (*tables, *paper)]
     figures, missing = _figures(findings, out)
     files += [file for figure in figures for file in (figure.svg, figure.png)]
-    heading = f"# {_title(folder)}\n\nLanguage backend: {findings.backend}; suite: {findings.suite}.\n\n"
+    warnings = warnings_of(findings)
+    told = [f"Made with {findings.made_with}.", *_settings_of_methods(findings), *warnings]
+    heading = f"# {_title(folder)}\n\n" + "".join(f"{line}\n\n" for line in told)
     markdown = heading + "\n".join(table.markdown() for table in (*tables, *paper))
     files.append(write_whole(out / "tables.md", markdown))
     page = _templates().get_template("experiment.html.j2")
@@ -53,6 +56,8 @@ def write_experiment_report(registry: Registry, folder: Path) -> Written:
         findings=findings,
         runs=len({row["same_as"] for row in findings.rows}),
         clock=_clock(findings),
+        warnings=warnings,
+        method_settings=_settings_of_methods(findings),
         figures=figures,
         tables=tables,
         paper=paper,
@@ -60,6 +65,15 @@ def write_experiment_report(registry: Registry, folder: Path) -> Written:
         image=_image,
     )
     return Written(write_whole(out / "index.html", html), tuple(files), missing)
+
+
+def _with_origin(table: Table, findings: Findings) -> Table:
+    """The table, whose note says what its figures were made with."""
+    return attrs.evolve(table, note=f"{table.note} Made with {findings.made_with}.".lstrip())
+
+
+def _settings_of_methods(findings: Findings) -> list[str]:
+    return [f"Settings of {method}: {text}." for method, text in findings.method_settings.items()]
 
 
 def write_run_page(folder: Path) -> Written:

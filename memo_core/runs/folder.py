@@ -162,6 +162,14 @@ def nested(values: dict[str, Any]) -> dict[str, Any]:
     return {name: _listed(branch) for name, branch in tree.items()}
 
 
+def flat(tree: Any, path: str = "") -> dict[str, Any]:
+    """A tree of values by dotted paths; lists are values."""
+    if not isinstance(tree, dict) or not tree:
+        return {path: tree if tree not in ({}, []) else None}
+    items = [(f"{path}.{key}" if path else str(key), value) for key, value in tree.items()]
+    return {key: value for name, branch in items for key, value in flat(branch, name).items()}
+
+
 def _listed(branch: Any) -> Any:
     """The branches below 0, 1, 2, … as a list."""
     if not isinstance(branch, dict):

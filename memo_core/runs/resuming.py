@@ -13,7 +13,7 @@ from memo_core.errors import InvalidArgument
 from memo_core.runlog.event_log import read_events
 from memo_core.runlog.log_file import Lines, read_lines
 from memo_core.runlog.log_history import History, read_history
-from memo_core.runs.folder import nested
+from memo_core.runs.folder import flat, nested
 from memo_core.skillbook.book import Skillbook
 
 # What may be another in a later part: limits that were reached, what is filmed.
@@ -62,24 +62,17 @@ def check_config(folder: Path, now: Mapping[str, Any]) -> None:
     key that is missing there was added in a newer version and must have its default."""
     file = folder / "config.yaml"
     try:
-        before = _flat(yaml.safe_load(file.read_text(encoding="utf-8")))
+        before = flat(yaml.safe_load(file.read_text(encoding="utf-8")))
     except (OSError, ValueError, yaml.YAMLError) as error:
         problem = " ".join(str(getattr(error, "strerror", None) or error).split())
         raise InvalidArgument("--resume", f"{file}: {problem}", "the folder of a run") from None
-    after = _flat(nested(dict(now)))
+    after = flat(nested(dict(now)))
     differ = [key for key in sorted(before) if before[key] != after.get(key)]
     differ = [key for key in differ if not key.startswith(MAY_DIFFER)]
     if differ:
         told = "; ".join(f"{key} was {before.get(key)!r}, is {after.get(key)!r}" for key in differ[:5])
         more = f" (and {len(differ) - 5} more)" if len(differ) > 5 else ""
         raise InvalidArgument("--resume", f"another config: {told}{more}", "the config the run began with")
-
-
-def _flat(tree: Any, path: str = "") -> dict[str, Any]:
-    if not isinstance(tree, dict) or not tree:
-        return {path: tree if tree not in ({}, []) else None}
-    items = [(f"{path}.{key}" if path else str(key), value) for key, value in tree.items()]
-    return {key: value for name, branch in items for key, value in _flat(branch, name).items()}
 
 
 def check_place(history: History, book_url: str, here: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from memo_core.cli.main import main
 from memo_core.config import ConfigErrors, load_experiment
 from memo_core.errors import BackendUnavailable, InvalidArgument
 from memo_core.evaluation.evaluating import evaluate, unread
@@ -19,6 +21,7 @@ from memo_core.evaluation.trial import experiment_of
 from memo_core.interfaces.backend import Memory
 from memo_core.plugins.registry import Registry
 from memo_core.process.stop_switch import StopSwitch
+from memo_core.report.writing import write_report
 from memo_core.runs.folder import nested
 from memo_core.study.study import loader, shared_settings
 
@@ -169,6 +172,12 @@ def test_the_plugin_of_the_page_stands_beside_memo_in_evaluation_and_report(site
     assert home["ended"] == "went home" and home["success"] is False and home["robot_s"] >= 0
     assert (home["memory"], home["takes_feedback"], home["same_as"]) == (False, False, home["trial"])
     assert rows["memo", "zero-shot"]["memory"] is True
+    write_report(Registry(), folder)
+    with (folder / "report" / "table-2-success.csv").open(encoding="utf-8") as file:
+        shown = {row["method"]: row for row in csv.DictReader(file)}
+    assert shown["go-home"]["success zero-shot"].startswith("0 %") and shown["go-home"]["trials"] == "1"
+    for column in ("hours", "success with corrections", "corrections a trial", "programs zero-shot", "watched"):
+        assert shown["go-home"][column] == "–" != shown["memo"][column], column
 
 
 @pytest.mark.sim
@@ -203,7 +212,7 @@ def test_a_fault_of_a_method_is_an_error_and_in_no_rate(site, tmp_path, checkpoi
     assert re.search(said, failed["problem"])
 
 
-def test_a_method_that_lacks_what_it_needs_is_refused_before_any_trial(site, tmp_path):
+def test_a_method_that_lacks_what_it_needs_is_refused_before_any_trial(site, tmp_path, capsys):
     needy = 'Backend("method", "needy", "needs a module", str, needs=Needs(modules={"no_such_module": "no-such"}))'
     imports = "from memo_core.plugin import Backend, Needs, hookimpl"
     install(site, "lab_needy", f"{imports}\n@hookimpl\ndef memo_methods():\n    return [{needy}]\n")
@@ -211,6 +220,9 @@ def test_a_method_that_lacks_what_it_needs_is_refused_before_any_trial(site, tmp
     with pytest.raises(BackendUnavailable, match="no_such_module"):
         evaluate(load_of(folder, "needy"), folder, StopSwitch())
     assert not (folder / "evaluation").exists()
+    with pytest.raises(SystemExit):
+        main(["config", "check", str(folder / "e.yaml")])
+    assert "no_such_module" in capsys.readouterr().err
 
 
 def test_the_kept_configuration_is_one_that_can_be_read_again(site, tmp_path):
