@@ -1,4 +1,4 @@
-"""From demonstrations to a policy on a server to trials in scenes that nobody demonstrated, in one command.
+"""Record demonstrations, serve them as a policy, and try it in scenes that nobody demonstrated, in one command.
 
 The policy is the smallest there is: it plays the demonstration whose first pictures are most like what it sees. It
 stands where a vision-language-action policy would, to try the whole path without a GPU.

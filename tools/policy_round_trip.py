@@ -1,4 +1,4 @@
-"""How long a question to a policy server takes on loopback, with the policy's own time taken off.
+"""Measure the time of a question to a policy server on loopback; the policy itself costs nothing.
 
 python tools/policy_round_trip.py --questions 300
 """
@@ -39,4 +39,6 @@ if __name__ == "__main__":
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--questions", type=int, default=300)
     took = sorted(measure(options.parse_args().questions))
-    print(f"median {statistics.median(took):.2f} ms, fastest {took[0]:.2f}, 95 % within {took[int(0.95 * len(took))]:.2f}")
+    print(
+        f"median {statistics.median(took):.2f} ms, fastest {took[0]:.2f}, 95 % within {took[int(0.95 * len(took))]:.2f}"
+    )

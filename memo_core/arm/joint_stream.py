@@ -122,7 +122,7 @@ class JointStream:
         self._velocity, self._acceleration = velocity, acceleration
 
     def _excess(self, position: Array) -> float:
-        """How many times its allowed way the tool would move in this control period."""
+        """Ratio of the tool's way in this control period to the way that it is allowed."""
         most = self._robot.tool_speed * self._link.control_period
         if not np.isfinite(most):
             return 0.0

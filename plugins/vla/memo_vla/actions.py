@@ -1,4 +1,4 @@
-"""What an action of a policy means: where the joints go next, and how far the fingers open. And the reverse."""
+"""Actions of a policy as joint goals and openings of the fingers, and the reverse."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ class Piece:
 
 @attrs.frozen
 class Shown:
-    """How a demonstration went. ``number`` is the episode's in the dataset, None if it was not kept."""
+    """The outcome of a demonstration. ``number`` is the episode's in the dataset, None if it was not kept."""
 
     task: str
     seed: int
@@ -146,7 +146,7 @@ def reference_pieces(task: Task) -> tuple[Piece, ...]:
 
 
 def run_pieces(folder: Path) -> tuple[Piece, ...]:
-    """The approved programs of a run, in order, with what was noted and said.
+    """The approved programs of a run, in order, with the notes and remarks that belong to them.
 
     Args:
         folder: the run's folder.

@@ -87,7 +87,7 @@ class _Rollout:
         return RunResult(reason, finished, robot_s=robot_s, verdict=verdict)  # type: ignore[arg-type]
 
     def _play(self, began: float) -> tuple[str, bool]:
-        """How it ended, and whether the policy ended it."""
+        """Play the policy; returns the reason for its end, and whether the policy ended it."""
         limit = min(self._settings.seconds, self._environment.time_limit, self._session.settings.time_limit_s)
         try:
             while self._environment.time() - began < limit:

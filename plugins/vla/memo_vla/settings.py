@@ -23,7 +23,7 @@ _Value = TypeVar("_Value")
 
 @attrs.frozen
 class Layout:
-    """What goes over the wire: names, sizes and units. A preset is one; settings replace single values."""
+    """Names, sizes and units of messages. A preset is one layout; settings replace single values."""
 
     rate_hz: float
     horizon: int

@@ -43,7 +43,7 @@ class Said:
 
 @attrs.define(eq=False)
 class Recording:
-    """One episode: frames at a fixed rate, a video of each camera (all frames but the last), what was said."""
+    """One episode: frames at a fixed rate, a video of each camera (all frames but the last), rows of language."""
 
     rate_hz: float
     frames: list[Frame] = attrs.field(factory=list)

@@ -46,7 +46,7 @@ _LASTING = ("subtask", "memory")  # styles of ``language_persistent``
 
 @attrs.frozen
 class Kind:
-    """What all episodes of a dataset have in common."""
+    """Properties that all episodes of a dataset have in common."""
 
     version: Version
     rate_hz: int
@@ -58,7 +58,7 @@ class Kind:
 
 @attrs.frozen
 class About:
-    """What an episode shows. ``source`` is ``reference`` or the folder of a run."""
+    """The task, scene and outcome of an episode. ``source`` is ``reference`` or the folder of a run."""
 
     task: str  # name
     instruction: str
@@ -188,7 +188,7 @@ class DatasetWriter:
         return pa.table(made)
 
     def _language(self, said: list[Said], length: int) -> tuple[list[Any], list[Any]]:
-        """What holds from a time on, the same in every frame, and what happened in each frame."""
+        """Rows that hold from their time on, the same list in every frame, and the rows of events in each frame."""
         lasting: list[dict[str, Any]] = []
         events: list[list[dict[str, Any]]] = [[] for _ in range(length)]
         for one in said:
@@ -278,7 +278,7 @@ def _arrow(rows: np.ndarray) -> pa.Array:
 
 
 def _plain(value: Any) -> Any:
-    """As JSON gives it back."""
+    """The value as JSON returns it."""
     return json.loads(json.dumps(value))
 
 

@@ -25,7 +25,7 @@ class Playing(Protocol):
 
 
 class Policy(Protocol):
-    """What is served; ``begin`` is called for each connection."""
+    """A policy that is served; ``begin`` is called for each connection."""
 
     def begin(self) -> Playing: ...
 
@@ -47,7 +47,7 @@ class PolicyServer:
 
     @property
     def url(self) -> str:
-        """Where it listens."""
+        """The address that it listens at."""
         host, port = self._server.socket.getsockname()[:2]
         return f"ws://{host}:{port}"
 
