@@ -82,8 +82,8 @@ class Perception(ABC):
         return {}
 
     def photograph(self) -> dict[str, np.ndarray]:
-        """Take pictures of this moment, by camera: RGB, uint8, (H, W, 3), for policies that see. By default the pictures of
-        a look; a backend with cameras takes them without making a graph, since they are wanted many times a second."""
+        """Take pictures of this moment, by camera: RGB, uint8, (H, W, 3), for policies that see. By default those of a
+        look; a backend with cameras takes them without making a graph, since they are wanted many times a second."""
         graph = self.look()
         return dict(self.pictures() or graph.observation.rgb)
 
