@@ -20,6 +20,7 @@ from memo_vla.demonstrating import (
     demonstrate,
     layout_of,
     record_references,
+    record_run,
     run_experiment_of,
     run_pieces,
 )
@@ -176,10 +177,11 @@ def test_approved_programs_of_a_run_are_demonstrations_with_their_words(tmp_path
     assert report.success, report.why
     pieces = run_pieces(report.folder)
     assert [one.subtask for one in pieces] == [one.subtask for one in report.result.subtasks]
-    again, name, seed = run_experiment_of(report.folder, ())
+    again = run_experiment_of(report.folder, ())
     writer = dataset_in(tmp_path / "set", again, layout_of("joints", CAMERAS), height=96)
-    shown = demonstrate(again, task_of(again, name), seed, pieces, writer, str(report.folder))
-    assert shown.success and shown.number == 0
+    [shown] = record_run(report.folder, (), writer)
+    assert shown.success and shown.number == 0 and shown.source == report.folder.name
+    assert record_run(report.folder, (), writer) == []
     rows = pq.read_table(tmp_path / "set/data/chunk-000/file-000.parquet")["language_persistent"].to_pylist()
     assert [one["content"] for one in rows[0] if one["style"] == "subtask"] == [one.subtask for one in pieces]
 

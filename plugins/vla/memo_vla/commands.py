@@ -57,17 +57,26 @@ def demonstrate(
 
     The same command goes on where it was interrupted. FINETUNING.md beside the dataset has the commands for training.
     """
-    from memo_vla.demonstrating import WITH_WRIST, dataset_in, layout_of, record_references
+    from memo_vla.demonstrating import (
+        WITH_WRIST,
+        dataset_in,
+        layout_of,
+        record_references,
+        record_run,
+        run_experiment_of,
+    )
 
     if bool(tasks) == bool(runs):
         raise InvalidArgument("TASK", "one of TASK and --from is needed", "memo demonstrate open-the-fridge")
     layout = layout_of(preset, [name.strip() for name in cameras.split(",") if name.strip()], rate)
-    _, experiment = load(config, [WITH_WRIST, *(overrides or ())])
+    experiment = (
+        run_experiment_of(runs[0], overrides or ()) if runs else load(config, [WITH_WRIST, *(overrides or ())])[1]
+    )
     writer = dataset_in(out, experiment, layout, version, height)
     started, tell = time.monotonic(), (lambda shown: None) if json else _tell
-    shown: list[Shown] = [_of_run(folder, writer, overrides or [], failures) for folder in runs or ()]
-    for one in shown:
-        tell(one)
+    shown: list[Shown] = []
+    for folder in runs or ():
+        shown += record_run(folder, given, writer, failures, tell)
     for task in _tasks(experiment, tasks or []):
         shown += record_references(experiment, task, episodes, seed, writer, failures, tell)
     _finish(writer, shown, time.monotonic() - started, json)
@@ -77,16 +86,6 @@ def _tasks(experiment: Experiment, names: list[str]) -> list[Task]:
     from memo_core.runs import task_of, tasks_of
 
     return list(tasks_of(experiment)) if names == [ALL] else [task_of(experiment, name) for name in names]
-
-
-def _of_run(folder: Path, writer: DatasetWriter, overrides: list[str], failures: bool) -> Shown:
-    """The approved programs of a run, recorded; already in the dataset, it is not done again."""
-    from memo_core.runs import task_of
-    from memo_vla.demonstrating import demonstrate, run_experiment_of, run_pieces
-
-    pieces = run_pieces(folder)
-    experiment, name, seed = run_experiment_of(folder, overrides)
-    return demonstrate(experiment, task_of(experiment, name), seed, pieces, writer, str(folder), failures)
 
 
 def _tell(shown: Shown) -> None:

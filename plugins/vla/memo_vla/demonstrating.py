@@ -14,7 +14,7 @@ import memo_core
 from memo_core.config import Experiment
 from memo_core.environment import SimulatedEnvironment, run_program
 from memo_core.plugin import InvalidArgument, Stopped, Task
-from memo_core.runs import environment_of, sandbox_of
+from memo_core.runs import environment_of, sandbox_of, task_of
 from memo_core.sandbox import Sandbox
 from memo_vla.dataset.recorder import Recorder, Recording
 from memo_vla.dataset.writer import About, DatasetWriter, Kind
@@ -176,11 +176,55 @@ def _is_note(entry: dict[str, Any]) -> bool:
     return entry["kind"] in ("correction", "general")
 
 
-def run_experiment_of(folder: Path, overrides: Sequence[str]) -> tuple[Experiment, str, int]:
-    """The experiment of a run, its task and its seed. Raises ``InvalidArgument``, ``ConfigErrors``."""
+def run_experiment_of(folder: Path, overrides: Sequence[str]) -> Experiment:
+    """The experiment of a run, with its task and seed, and a camera on the hand.
+
+    Args:
+        folder: the run's folder.
+        overrides: single values as after ``--set``.
+
+    Raises:
+        InvalidArgument: if it is no finished run.
+        ConfigErrors: if its config, or an override, does not fit the installed plugins.
+    """
     summary = _read_json(folder / "summary.json")
     task, seed = str(summary["task"]), int(summary["seed"])
-    return memo_core.load(folder / "config.yaml", WITH_WRIST, *overrides, task=task, seed=seed), task, seed
+    return memo_core.load(folder / "config.yaml", WITH_WRIST, *overrides, task=task, seed=seed)
+
+
+def record_run(
+    folder: Path,
+    overrides: Sequence[str],
+    writer: DatasetWriter,
+    keep_failures: bool = False,
+    tell: Callable[[Shown], None] = lambda shown: None,
+) -> list[Shown]:
+    """Record the approved programs of a run in its own scene, unless the dataset has them already.
+
+    Args:
+        folder: the run's folder, whose name becomes the episode's source.
+        overrides: single values as after ``--set``, for its experiment.
+        writer: the dataset.
+        keep_failures: whether it is added if the task is not done at the end.
+        tell: called when it was recorded.
+
+    Returns:
+        The recording's outcome; empty if there was nothing to do.
+
+    Raises:
+        InvalidArgument: if there are no approved programs, or the run had another robot than the dataset.
+    """
+    pieces, source = run_pieces(folder), folder.resolve().name
+    experiment = run_experiment_of(folder, overrides)
+    robot = experiment.create("robot").name
+    if robot != writer.kind.robot:
+        raise InvalidArgument("--from", f"{folder} is of a {robot}, the dataset of a {writer.kind.robot}", "one robot")
+    task = task_of(experiment, str(experiment.task))
+    if writer.has(task.name, experiment.seed, source):
+        return []
+    shown = demonstrate(experiment, task, experiment.seed, pieces, writer, source, keep_failures)
+    tell(shown)
+    return [shown]
 
 
 def _read_json(path: Path) -> dict[str, Any]:
@@ -207,7 +251,7 @@ def demonstrate(
         seed: seed of the scene.
         pieces: the programs, in order; the rest is left out after one that fails.
         writer: the dataset.
-        source: where the programs come from, kept with the episode.
+        source: origin of the programs, kept with the episode.
         keep_failures: whether failures are added as well.
 
     Returns:
