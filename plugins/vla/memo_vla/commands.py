@@ -69,9 +69,8 @@ def demonstrate(
     if bool(tasks) == bool(runs):
         raise InvalidArgument("TASK", "one of TASK and --from is needed", "memo demonstrate open-the-fridge")
     layout = layout_of(preset, [name.strip() for name in cameras.split(",") if name.strip()], rate)
-    experiment = (
-        run_experiment_of(runs[0], overrides or ()) if runs else load(config, [WITH_WRIST, *(overrides or ())])[1]
-    )
+    given = overrides or []
+    experiment = run_experiment_of(runs[0], given) if runs else load(config, [WITH_WRIST, *given])[1]
     writer = dataset_in(out, experiment, layout, version, height)
     started, tell = time.monotonic(), (lambda shown: None) if json else _tell
     shown: list[Shown] = []

@@ -122,7 +122,8 @@ def record_references(
         InvalidArgument: if the task has no reference solution.
         TooFewDemonstrations: after three times as many scenes; what succeeded is kept.
     """
-    pieces, shown, made = reference_pieces(task), [], 0
+    shown: list[Shown] = []
+    pieces, made = reference_pieces(task), 0
     for scene in range(seed, seed + _SCENES * episodes):
         if made == episodes:
             return shown
