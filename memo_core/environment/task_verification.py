@@ -72,7 +72,22 @@ def run_program(
     wall_seconds: float | None = None,
     robot_seconds: float | None = None,
 ) -> Execution:
-    """Run robot code with the workspace and the stop of a run. Takes, returns and raises what ``run_code`` does."""
+    """Run robot code with the workspace and the stop of a run.
+
+    Args:
+        world: open environment.
+        code: Python source of the robot code.
+        sandbox: open sandbox that runs it.
+        on_print: called with each piece of output as it is printed.
+        wall_seconds: limit on the wall clock (s), as in ``Sandbox.run``.
+        robot_seconds: limit on the robot's clock (s), as in ``Sandbox.run``.
+
+    Returns:
+        Result of the code; its errors, limits and a stop during it are in ``ended`` and ``error``.
+
+    Raises:
+        MemoError: if the robot, the simulator, a backend or the task's own code fails.
+    """
     return sandbox.run(
         code,
         world.control,

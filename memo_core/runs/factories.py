@@ -114,7 +114,14 @@ def world_of(experiment: Experiment, task: Task, seed: int) -> World:
 
 
 def sandbox_of(experiment: Experiment) -> Sandbox:
-    """An unopened sandbox with the experiment's skills and limits."""
+    """Create a sandbox with the experiment's skills and limits, unopened.
+
+    Args:
+        experiment: names the skills backends; has the section ``sandbox``.
+
+    Returns:
+        The sandbox.
+    """
     return Sandbox(library_of(experiment), experiment.section("sandbox"))
 
 
