@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from memo_core.arm.description_from_urdf import describe_urdf as describe_urdf
     from memo_core.arm.guarded_link import GuardedLink as GuardedLink
     from memo_core.arm.inverse_kinematics import Kinematics as Kinematics
+    from memo_core.arm.joint_stream import JointStream as JointStream
     from memo_core.arm.link_checkpoint import LinkCheckpoint as LinkCheckpoint
     from memo_core.arm.meshes import mesh_vertices as mesh_vertices
     from memo_core.arm.rrt_connect import densified as densified
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
         MemoError as MemoError,
         MotionError as MotionError,
         RobotFault as RobotFault,
+        Stopped as Stopped,
         UnknownName as UnknownName,
         close_match as close_match,
     )
@@ -75,7 +77,13 @@ if TYPE_CHECKING:
         divided as divided,
     )
     from memo_core.interfaces.task import Monitor as Monitor, Outcome as Outcome, Task as Task
-    from memo_core.interfaces.teacher import Episode as Episode, Teacher as Teacher, Verdict as Verdict
+    from memo_core.interfaces.teacher import (
+        Episode as Episode,
+        Program as Program,
+        TaskEpisode as TaskEpisode,
+        Teacher as Teacher,
+        Verdict as Verdict,
+    )
     from memo_core.interfaces.vectorstore import VectorStore as VectorStore
     from memo_core.llm.prompt_sections import (
         Prompt as Prompt,
@@ -91,6 +99,7 @@ if TYPE_CHECKING:
     from memo_core.policy.results import RunResult as RunResult
     from memo_core.policy.run_context import Session as Session
     from memo_core.process.signal_safe import Flag as Flag
+    from memo_core.process.stop_switch import StopSwitch as StopSwitch, abandonable as abandonable
     from memo_core.process.temporary_folders import scratch_folder as scratch_folder
     from memo_core.robot.description import (
         GripperDescription as GripperDescription,

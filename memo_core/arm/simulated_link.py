@@ -75,6 +75,7 @@ class SimulatorLink(Link):
     def set_gripper(self, width: float, force: float) -> None:
         if self._stopped():
             raise Stopped("moving the fingers")
+        self.commanded_width = width
         self.simulator.command_gripper(width, force)
 
     def time(self) -> float:

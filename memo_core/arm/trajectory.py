@@ -16,9 +16,9 @@ import numpy as np
 from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.scene.pose import Array
 
-_SHARE = 0.95  # of the velocity limits is used
+SHARE = 0.95  # of the velocity limits is used
 # A servo answers a step in acceleration with some overshoot, which must stay within the limits too.
-_ACCELERATION_SHARE, _JERK_SHARE = 0.6, 0.7
+ACCELERATION_SHARE, JERK_SHARE = 0.6, 0.7
 _CORNER = 0.002  # m (or rad of a joint / 2) by which averaging may cut a corner
 _REST = 3  # ticks
 _SMOOTH = 0.06  # s, least width of the averages: motions that start softly shake less
@@ -92,7 +92,7 @@ def _durations(kinematics: Kinematics, joints: Array, speed: Speed, smooth: floa
     rotation, _ = kinematics.forward(joints)
     trace = np.einsum("ijn,ijn->n", rotation[:, :, :-1], rotation[:, :, 1:])
     turns = np.arccos(np.clip((trace - 1) / 2, -1.0, 1.0))
-    limit = kinematics.velocity * min(speed.joints, _SHARE)
+    limit = kinematics.velocity * min(speed.joints, SHARE)
     duration = np.max(np.abs(steps) / limit[:, None], axis=0)
     duration = np.maximum(duration, lengths / min(speed.linear, kinematics.description.tool_speed))
     duration = np.maximum(duration, turns / speed.angular)
@@ -121,7 +121,7 @@ def _corner_slowdown(moves: Array, lengths: Array, duration: Array, smooth: floa
 
 def _averaged(kinematics: Kinematics, raw: Array, period: float, smooth: float) -> Array | None:
     """(n, T) within all limits; None when only a slower path could be."""
-    acceleration, jerk = kinematics.acceleration * _ACCELERATION_SHARE, kinematics.jerk * _JERK_SHARE
+    acceleration, jerk = kinematics.acceleration * ACCELERATION_SHARE, kinematics.jerk * JERK_SHARE
     velocity = np.diff(raw, axis=1) / period
     shortest = max(2, int(np.ceil(smooth / period)))
     span = np.concatenate([velocity, np.zeros((len(raw), 1))], axis=1)
@@ -134,7 +134,7 @@ def _averaged(kinematics: Kinematics, raw: Array, period: float, smooth: float) 
         change = np.abs(np.diff(once, 2, axis=1, prepend=once[:, :1], append=once[:, -1:])) / period**2
         second = max(second, int(np.ceil((2 * change.max(axis=1) / jerk).max() / period)))
         result = _average(once, second)
-        if within_limits(kinematics, result, period, (_SHARE, _ACCELERATION_SHARE, _JERK_SHARE)):
+        if within_limits(kinematics, result, period, (SHARE, ACCELERATION_SHARE, JERK_SHARE)):
             return result[:, 1:]
         if first >= longest and second >= 100:
             return None

@@ -6,7 +6,9 @@ A plugin adds a command with an entry point in the group ``memo.commands``.
 from __future__ import annotations
 
 import importlib
+from collections.abc import Callable
 from importlib.metadata import EntryPoint
+from types import FunctionType
 from typing import Annotated
 
 import typer
@@ -78,10 +80,18 @@ def _tree(typed: str) -> typer.Typer:
         if point.name in COMMANDS:
             continue  # a plugin cannot take the place of a command of the core
         if point.name == typed:
-            tree.add_typer(_load(point), name=point.name, help=_summary(point), no_args_is_help=True)
+            _add(tree, point, _load(point))
         else:
             tree.command(point.name, help=_summary(point))(_untyped)
     return tree
+
+
+def _add(tree: typer.Typer, point: EntryPoint, loaded: typer.Typer | Callable[..., None]) -> None:
+    """Add a plugin's group of commands, or its only one."""
+    if isinstance(loaded, typer.Typer):
+        tree.add_typer(loaded, name=point.name, help=_summary(point), no_args_is_help=True)
+    else:
+        tree.command(point.name, short_help=_summary(point))(loaded)
 
 
 def plugin_commands() -> list[EntryPoint]:
@@ -96,15 +106,17 @@ def _summary(point: EntryPoint) -> str:
     return str(about or f"of {point.value}").partition(": ")[2] or str(about)
 
 
-def _load(point: EntryPoint) -> typer.Typer:
+def _load(point: EntryPoint) -> typer.Typer | Callable[..., None]:
     from memo_core.plugins.loading import one_line
     from memo_core.plugins.registry import BrokenCommand
 
     try:
         app = point.load()
-        if not isinstance(app, typer.Typer):
-            raise TypeError(f"it is a {type(app).__name__}, expected a typer.Typer")
-        typer.main.get_command(app)  # what Typer cannot make a command of is found here, where the plugin is known
+        if not isinstance(app, (typer.Typer, FunctionType)):
+            raise TypeError(f"it is a {type(app).__name__}, expected a typer.Typer or a function")
+        group = typer.Typer()
+        _add(group, point, app)
+        typer.main.get_command(group)  # what Typer cannot make a command of is found here, where the plugin is known
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # a module that exits, too

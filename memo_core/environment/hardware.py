@@ -8,16 +8,18 @@ doubt is never repeated, and the person who watched decides whether the task is 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
 import attrs
+import numpy as np
 
 from memo_core.environment.commissioning import check_commissioning
 from memo_core.environment.lease import Lease
 from memo_core.environment.simulated import SimulatedEnvironment
 from memo_core.environment.task_environment import ControlFactory, TaskEnvironment, generator
-from memo_core.errors import BackendUnavailable, InvalidArgument
+from memo_core.errors import BackendUnavailable, InvalidArgument, UnknownName
 from memo_core.interfaces.driver import GripperDriver, RobotDriver
 from memo_core.interfaces.link import Link
 from memo_core.interfaces.perception import Perception, PerceptionContext
@@ -110,6 +112,15 @@ class HardwareEnvironment(TaskEnvironment):
         self._lease.give_back()
 
     # -- acting --------------------------------------------------------------------------------------------------------
+    def photograph(self, cameras: Sequence[str], height: int | None = None) -> dict[str, np.ndarray]:
+        """Pictures of this moment in the cameras' own size (``height`` is ignored), RGB, uint8, by the camera's name.
+        Raises ``UnknownName``, ``BackendUnavailable``."""
+        taken = self.perception.photograph()
+        for name in cameras:
+            if name not in taken:
+                raise UnknownName("camera", name, tuple(taken))
+        return {name: taken[name] for name in cameras}
+
     def settle(self, seconds: float = 0.5) -> None:
         """Hold the arm still, so that released objects come to rest. Raises ``Stopped``."""
         self.control.wait(seconds)

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
+import attrs
 import numpy as np
 
 from memo_core.environment.real_time import RealTime
@@ -24,6 +25,7 @@ from memo_core.environment.task_code import (
     subtask_outcome_of,
 )
 from memo_core.environment.task_environment import ControlFactory, TaskEnvironment, generator
+from memo_core.environment.wrist_camera import wrist_camera_of
 from memo_core.errors import InvalidArgument, UnknownName
 from memo_core.interfaces.link import Link
 from memo_core.interfaces.perception import Perception, PerceptionContext
@@ -49,6 +51,7 @@ class SimulatedEnvironment(TaskEnvironment):
         perception: Perception,
         link: Callable[[Simulator, RobotDescription], Link] | None = None,
         control: ControlFactory | None = None,
+        wrist_camera: bool = False,
     ) -> None:
         """Prepare the environment; nothing is opened or built.
 
@@ -60,9 +63,11 @@ class SimulatedEnvironment(TaskEnvironment):
             perception: perception backend, not open.
             link: factory of the robot's link, called with the built simulator and ``robot``; None: ``memo_core.arm``'s.
             control: factory of the control; None: ``memo_core.arm``'s.
+            wrist_camera: add a camera to the hand (``WRIST``).
         """
         super().__init__(task, seed, robot, perception, control)
         self.simulator = simulator
+        self._wrist_camera = wrist_camera
         self._make_link = link or _arm_link
         self._next_glance = 0.0
         self._pace: RealTime | None = None
@@ -70,6 +75,9 @@ class SimulatedEnvironment(TaskEnvironment):
     def _open(self) -> None:
         """Open the parts, build the scene of this seed and reset the monitors."""
         self.description = scene_of(self.task, generator(self.seed, "scene"))
+        if self._wrist_camera:
+            cameras = (*self.description.cameras, wrist_camera_of(self.robot))
+            self.description = attrs.evolve(self.description, cameras=cameras)
         self.simulator.open()
         self.simulator.build(self.description, self.robot)
         self._link = link = self._make_link(self.simulator, self.robot)
@@ -212,6 +220,30 @@ class SimulatedEnvironment(TaskEnvironment):
         if name not in cameras:
             raise UnknownName("camera", name, cameras)
         return self.simulator.render(name, width, height)
+
+    def photograph(self, cameras: Sequence[str], height: int | None = None) -> dict[str, np.ndarray]:
+        """Pictures of this moment, without a look of the perception.
+
+        Args:
+            cameras: names of the scene's cameras.
+            height: in pixels, the width in proportion; None: the camera's ``resolution``.
+
+        Returns:
+            RGB, uint8, shape (H, W, 3), by the camera's name.
+
+        Raises:
+            UnknownName: if the scene has no such camera.
+            BackendUnavailable: if no renderer works.
+        """
+        sizes = {one.name: one.resolution for one in self.description.cameras}
+        for name in cameras:
+            if name not in sizes:
+                raise UnknownName("camera", name, tuple(sizes))
+        return {name: self._photograph(name, *sizes[name], height) for name in cameras}
+
+    def _photograph(self, name: str, full_width: int, full_height: int, height: int | None) -> np.ndarray:
+        height = height or full_height
+        return self.simulator.render(name, round(full_width * height / full_height), height)
 
     # -- checkpoints ---------------------------------------------------------------------------------------------------
     def checkpoint(self) -> bytes:

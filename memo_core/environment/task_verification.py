@@ -38,7 +38,7 @@ def run_code(
     wall_seconds: float | None = None,
     robot_seconds: float | None = None,
 ) -> Execution:
-    """Run robot code with the workspace and the stop of a run, then let objects come to rest.
+    """Run robot code as ``run_program`` does, then let objects come to rest.
 
     After the code the arm stays still for the task's ``settle`` (simulated s), unless the stop is latched.
 
@@ -57,7 +57,38 @@ def run_code(
         Stopped: if the stop is pressed after the code, while objects come to rest.
         MemoError: if the robot, the simulator, a backend or the task's own code fails.
     """
-    execution = sandbox.run(
+    execution = run_program(world, code, sandbox, on_print, wall_seconds=wall_seconds, robot_seconds=robot_seconds)
+    if not world.link.stopped:
+        world.settle(world.task.settle)
+    return execution
+
+
+def run_program(
+    world: SimulatedEnvironment,
+    code: str,
+    sandbox: Sandbox,
+    on_print: Callable[[str], None] | None = None,
+    *,
+    wall_seconds: float | None = None,
+    robot_seconds: float | None = None,
+) -> Execution:
+    """Run robot code with the workspace and the stop of a run.
+
+    Args:
+        world: open environment.
+        code: Python source of the robot code.
+        sandbox: open sandbox that runs it.
+        on_print: called with each piece of output as it is printed.
+        wall_seconds: limit on the wall clock (s), as in ``Sandbox.run``.
+        robot_seconds: limit on the robot's clock (s), as in ``Sandbox.run``.
+
+    Returns:
+        Result of the code; its errors, limits and a stop during it are in ``ended`` and ``error``.
+
+    Raises:
+        MemoError: if the robot, the simulator, a backend or the task's own code fails.
+    """
+    return sandbox.run(
         code,
         world.control,
         stopped=lambda: world.link.stopped,
@@ -67,9 +98,6 @@ def run_code(
         wall_seconds=wall_seconds,
         robot_seconds=robot_seconds,
     )
-    if not world.link.stopped:
-        world.settle(world.task.settle)
-    return execution
 
 
 def verify_task(

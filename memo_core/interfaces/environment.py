@@ -49,6 +49,17 @@ class Environment(Protocol):
     def pictures(self, scene: SceneGraph) -> Mapping[str, Array]:
         """The cameras' pictures of the last look, RGB, uint8, shape (H, W, 3), by the camera's name."""
 
+    def photograph(self, cameras: Sequence[str], height: int | None = None) -> Mapping[str, Array]:
+        """Pictures of this moment, RGB, uint8, shape (H, W, 3), by the camera's name; for policies that see.
+
+        Args:
+            cameras: names of cameras.
+            height: in pixels, for a simulator that draws in any size; None: the camera's own.
+
+        Raises:
+            UnknownName: for a camera that is not there.
+        """
+
     def correct_names(self, corrections: Sequence[NameCorrection]) -> None:
         """Tell the perception what people said of names; it holds from the next look on."""
 

@@ -39,6 +39,7 @@ class Link(ABC):
     gives_way: str = (
         ""  # setting that would make its arm give way to contact, such as "robot.mode=impedance"; empty: none
     )
+    commanded_width: float | None = None  # m, opening that the gripper was last sent to; None: not known
     servo_lag: tuple[float, ...] = ()  # s by which each joint's servo lags behind moving targets; empty: not at all
 
     def __init__(self, description: RobotDescription) -> None:

@@ -84,6 +84,12 @@ class Perception(ABC):
         default: then those in the observation are used, if it has any."""
         return {}
 
+    def photograph(self) -> dict[str, np.ndarray]:
+        """Take pictures of this moment, by camera: RGB, uint8, (H, W, 3), for policies that see. By default those of a
+        look; a backend with cameras takes them without making a graph, since they are wanted many times a second."""
+        graph = self.look()
+        return dict(self.pictures() or graph.observation.rgb)
+
     def state(self) -> bytes:
         """State that belongs to a checkpoint (random generator, known ids)."""
         return b""

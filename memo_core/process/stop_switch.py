@@ -56,8 +56,21 @@ class StopSwitch:
 
 
 def abandonable(stop: StopSwitch, where: str, work: Callable[[], T], late: Callable[[T | BaseException], None]) -> T:
-    """Run ``work()`` in its own thread and abandon it when the stop is pressed: ``Stopped`` is then raised immediately,
-    and ``late`` is called in that thread with the late result or error."""
+    """Run work in its own thread and abandon it when the stop is pressed.
+
+    Args:
+        stop: switch that ends the wait.
+        where: activity that a stop interrupts, for the message.
+        work: called in a thread of its own.
+        late: called in that thread with the late result or error of abandoned work.
+
+    Returns:
+        The result of ``work``.
+
+    Raises:
+        Stopped: as soon as the stop is pressed, whatever the work does.
+        BaseException: what ``work`` raises.
+    """
     stop.check(where)
     finished = Wake()  # set by the work or by the stop, whichever is first
     lock = threading.Lock()

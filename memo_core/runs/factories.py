@@ -109,6 +109,7 @@ def world_of(experiment: Experiment, task: Task, seed: int) -> World:
         robot=experiment.create("robot"),
         perception=experiment.create("perception"),
         link=lambda simulator, robot: driver.link(robot, gripper, simulator),
+        wrist_camera=experiment.section("scene").wrist_camera,
     )
 
 
@@ -126,7 +127,14 @@ def models_of(experiment: Experiment) -> tuple[Choice, ...]:
 
 
 def sandbox_of(experiment: Experiment) -> Sandbox:
-    """An unopened sandbox with the experiment's skills and limits."""
+    """Create a sandbox with the experiment's skills and limits, unopened.
+
+    Args:
+        experiment: names the skills backends; has the section ``sandbox``.
+
+    Returns:
+        The sandbox.
+    """
     return Sandbox(library_of(experiment), experiment.section("sandbox"))
 
 

@@ -7,6 +7,7 @@ from typing import Literal
 import attrs
 
 from memo_core.environment.hardware import HardwareSettings
+from memo_core.environment.wrist_camera import SceneSettings
 from memo_core.llm.prompt_files import PromptSettings
 from memo_core.policy.consolidation import ClusteringSettings
 from memo_core.policy.settings import PolicySettings, RunSettings, TeachingSettings
@@ -62,4 +63,5 @@ SECTIONS: dict[str, type] = {
     "prompts": PromptSettings,
     "clustering": ClusteringSettings,
     "hardware": HardwareSettings,
+    "scene": SceneSettings,
 }

@@ -97,6 +97,9 @@ class FakeEnvironment:
     def pictures(self, scene: SceneGraph) -> dict[str, Array]:
         return {}
 
+    def photograph(self, cameras: Sequence[str], height: int | None = None) -> dict[str, Array]:
+        return {name: np.zeros((height or 48, height or 64, 3), np.uint8) for name in cameras}
+
     def correct_names(self, corrections: Sequence[NameCorrection]) -> None: ...
 
     def glance(self) -> SceneGraph:

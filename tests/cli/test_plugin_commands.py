@@ -58,6 +58,15 @@ def test_a_command_of_a_distribution_is_listed_and_runs(tmp_path, memo):
     assert memo("greet", "hello").stdout == "hello there\n"
 
 
+def test_a_function_is_a_command_without_subcommands(tmp_path, memo):
+    source = "def app(names: list[str], times: int = 1) -> None:\n    print(names * times)\n"
+    install(tmp_path, "greet", source)
+    assert "Say greet." in memo("--help").stdout
+    assert memo("greet", "ana", "ben", "--times", "2").stdout == "['ana', 'ben', 'ana', 'ben']\n"
+    wrong = memo("greet", "ana", "--times", "twice")
+    assert wrong.returncode == 2 and "--times" in wrong.stderr and "Traceback" not in wrong.stderr
+
+
 def test_plugins_are_listed_in_lines_of_a_sensible_width_and_json_is_complete(memo):
     shown = memo("plugins", "list")
     assert max(map(len, shown.stdout.splitlines())) <= 120

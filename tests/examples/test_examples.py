@@ -77,3 +77,11 @@ def test_each_script_is_run_by_a_test():
         Path(__file__).parents[1] / "gym" / "test_gymnasium.py"
     ).read_text(encoding="utf-8")
     assert [path.stem for path in EXAMPLES.glob("*.py") if path.stem not in tested] == []
+
+
+@pytest.mark.sim
+@pytest.mark.process
+@pytest.mark.wire
+def test_a_policy_made_of_demonstrations_beats_standing_still(tmp_path):
+    played, still = load("policy_from_demonstrations").main("turn-on-the-faucet", 2, 2, tmp_path, first=2)
+    assert sum(played) > sum(still) == 0

@@ -176,6 +176,9 @@ class Cameras(Perception):
     def pictures(self) -> dict[str, np.ndarray]:
         return {} if self.latest is None else {view.frame.name: view.frame.rgb for view in self.latest.views}
 
+    def photograph(self) -> dict[str, np.ndarray]:
+        return {frame.name: frame.rgb for frame in self._frames()}
+
     def state(self) -> bytes:
         source = base64.b64encode(self.source.state()).decode()
         return json.dumps({"memory": self._memory.state(), "source": source}).encode()
