@@ -1,7 +1,8 @@
 """Conformance suite for simulators that build only scenes of their own (``Simulator.any_scene`` is False).
 
 Their physics, tables and grippers are a third party's and are not judged here; the promises that the rest of MEMO
-relies on are. ``RULES[name](make)``, where ``make`` returns a new, unopened simulator; ``sample`` gives the scene and robot.
+relies on are. ``RULES[name](make)``, where ``make`` returns a new, unopened simulator; ``sample`` gives the scene and
+robot.
 """
 
 from __future__ import annotations
