@@ -1,0 +1,5 @@
+"""Reference programs."""
+
+
+def reference_program(told, labels):
+    return ""

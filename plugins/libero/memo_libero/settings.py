@@ -1,0 +1,58 @@
+"""Settings of the simulator, the suite and the robot."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import attrs
+from attrs.validators import gt
+
+PARTS = (
+    *(f"libero_{base}{variant}" for base in ("spatial", "object", "goal", "10") for variant in ("", "_lan", "_object")),
+    *(f"libero_{base}{variant}" for base in ("spatial", "object", "goal", "10") for variant in ("_swap", "_task")),
+    "libero_90",
+)
+# Complete in the distribution, and left out.
+LEFT_OUT = {
+    "libero_study_table": "its sentences are cut off",
+    "libero_mine": "two tasks made for trying the tool",
+    "libero_object_two_normal_episodes": "copies of two tasks of libero_object",
+    "libero_*_with_*": "a foreign object beside the same tasks and sentences: not one of the four changes of LIBERO-PRO",
+}
+
+
+@attrs.frozen
+class SimulatorSettings:
+    """Where the suite's process comes from, and how long it may take."""
+
+    python: str = attrs.field(
+        default="", metadata={"help": "the suite's own Python; empty: that of `memo suites install libero`"}
+    )
+    load_seconds: float = attrs.field(
+        default=180.0, validator=gt(0.0), metadata={"help": "longest wait for a scene, then the process is killed, s"}
+    )
+    answer_seconds: float = attrs.field(
+        default=60.0, validator=gt(0.0), metadata={"help": "longest wait for anything else, s"}
+    )
+
+
+@attrs.frozen
+class SuiteSettings:
+    """Which tasks, and how they are told and judged."""
+
+    python: str = attrs.field(default="", metadata={"help": "the suite's own Python, as in simulator.python"})
+    parts: list[str] = attrs.field(
+        factory=lambda: list(PARTS), metadata={"help": "parts of the suite, such as libero_goal and libero_goal_task"}
+    )
+    instruction: Literal["bddl", "file-name"] = attrs.field(
+        default="bddl",
+        metadata={
+            "help": "whose sentence: the task file's own, or its name's, as published results of policies use it"
+        },
+    )
+    judge: Literal["ever", "end"] = attrs.field(
+        default="ever", metadata={"help": "ever: the goal held at some moment, LIBERO's rule; end: it holds at the end"}
+    )
+    limit_s: float = attrs.field(
+        default=120.0, validator=gt(0.0), metadata={"help": "simulated seconds that a task may take"}
+    )
