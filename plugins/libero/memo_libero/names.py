@@ -39,7 +39,7 @@ HOLLOW = {  # how many insides to look for
     "wooden_two_layer_shelf": 2,
 }
 # Places that belong to a thing, by the end of their names.
-_DRAWERS = {"top_region": "top drawer", "middle_region": "middle drawer", "bottom_region": "bottom drawer"}
+DRAWERS = {"top_region": "top drawer", "middle_region": "middle drawer", "bottom_region": "bottom drawer"}
 _COMPARTMENTS = {f"{side}_contain_region": f"{side} compartment" for side in ("left", "right", "front", "back")}
 # On a table. Sides are said as one sees them who faces the robot; the robot's own left is the other one.
 _BESIDE = {"right_region": "left of", "left_region": "right of", "front_region": "next to"}
@@ -112,7 +112,7 @@ def _sentence(predicate: str, names: Sequence[str], labels: Mapping[str, str], r
     if predicate in ("turnon", "turnoff"):
         return f"the {labels[names[0]]} knob is turned"
     if predicate in ("open", "close"):
-        return f"the {_mover(names[0], labels, regions)} is {'open' if predicate == 'open' else 'closed'}"
+        return f"the {mover_of(names[0], labels, regions)} is {'open' if predicate == 'open' else 'closed'}"
     subject, place = labels[names[0]], names[1]
     if place in labels:
         return f"the {subject} is on the {labels[place]}"
@@ -120,16 +120,26 @@ def _sentence(predicate: str, names: Sequence[str], labels: Mapping[str, str], r
     return f"the {subject} is {_where(predicate, place.removeprefix(owner + '_'), labels.get(owner, ''), labels)}"
 
 
-def _mover(name: str, labels: Mapping[str, str], regions: Mapping[str, str]) -> str:
+def mover_of(name: str, labels: Mapping[str, str], regions: Mapping[str, str]) -> str:
+    """Label of the drawer or door that a goal names.
+
+    Args:
+        name: name of a thing, or of a place in a drawer.
+        labels: name of a thing -> label.
+        regions: name of a place -> name of the thing that it is a place of.
+
+    Returns:
+        A label such as ``top drawer`` or ``microwave door``.
+    """
     if name in labels:
         return f"{labels[name]} door"
-    return _DRAWERS[name.removeprefix(regions[name] + "_")]
+    return DRAWERS[name.removeprefix(regions[name] + "_")]
 
 
 def _where(predicate: str, region: str, owner: str, labels: Mapping[str, str]) -> str:
     if predicate == "in":
-        if "cabinet" in owner and region in _DRAWERS:
-            return f"in the {_DRAWERS[region]}"
+        if "cabinet" in owner and region in DRAWERS:
+            return f"in the {DRAWERS[region]}"
         return f"in the {owner} {_COMPARTMENTS[region]}" if region in _COMPARTMENTS else f"in the {owner}"
     for ending, side in _BESIDE.items():
         if region.endswith(f"_{ending}"):

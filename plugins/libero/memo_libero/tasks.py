@@ -14,7 +14,7 @@ from memo_core.plugin import Outcome, SceneDescription, Task, WorldState
 from memo_libero.connection import Place, Server, borrowed
 from memo_libero.environment import python_of
 from memo_libero.names import goal_sentences, labels_of
-from memo_libero.programs import reference_program
+from memo_libero.reference import reference_program
 from memo_libero.scene import LiberoScene, scene_of
 from memo_libero.settings import SuiteSettings
 

@@ -1,0 +1,3 @@
+"""``memo suites``."""
+import typer
+app = typer.Typer()

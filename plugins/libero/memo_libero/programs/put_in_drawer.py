@@ -1,0 +1,10 @@
+def put_in_drawer(name, drawer):
+    if drawer + " inside" not in get_objects():
+        open_drawer(drawer)
+    out = out_of(drawer)
+    held = pick_up(name, 0.25)
+    look()
+    low, high = get_bounds(drawer + " inside")
+    # near the front, where the cabinet does not cover it
+    x, y = (low[0] + high[0]) / 2 + 0.035 * out[0], (low[1] + high[1]) / 2 + 0.035 * out[1]
+    put_down([x, y, low[2]], held, 0.03)
