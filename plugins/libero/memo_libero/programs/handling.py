@@ -34,9 +34,11 @@ def rim_grasps(name):
     low, high = get_bounds(name)
     x, y, _ = get_position(name)
     grasps = []
-    for dx, dy, yaw in [[0, 1, 0], [0, -1, 0], [-1, 0, math.pi / 2], [1, 0, math.pi / 2]]:
-        point = [x + dx * ((high[0] - low[0]) / 2 - 0.006), y + dy * ((high[1] - low[1]) / 2 - 0.006), high[2] - 0.014]
-        grasps.append([point, yaw])
+    radius = (high[0] - low[0] + high[1] - low[1]) / 4 - 0.006
+    for eighth in range(8):
+        angle = eighth * math.pi / 4
+        point = [x + radius * math.cos(angle), y + radius * math.sin(angle), max(high[2] - 0.014, low[2] + 0.012)]
+        grasps.append([point, fold(angle - math.pi / 2)])
     others = [get_position(other) for other in get_objects() if other != name and other not in get_parts(name)]
     return sorted(grasps, key=lambda grasp: -min([math.dist(grasp[0][:2], other[:2]) for other in others] + [9.0]))
 
