@@ -65,9 +65,8 @@ def install(
         recipe = Recipe(newest, python)
         maker = recipe.interpreter()
         note(f"{recipe.requirement} from your package index into {at}")
-        note(
-            f"needs {GIGABYTES} GB of disk and about a minute; code MIT, data CC BY 4.0, meshes under licences of their own"
-        )
+        note(f"needs {GIGABYTES} GB of disk and about a minute; MuJoCo runs in it beside MEMO's own")
+        note("licences: code MIT, data CC BY 4.0; meshes have licences of their own")
         if not yes and not agreed(f"Install LIBERO-PRO {VERSION}? [y/n]"):
             raise InvalidArgument("the answer", "not yes: nothing was installed", "y, or --yes")
         versions = make(at, maker, recipe)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import atexit
 import contextlib
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,11 +34,11 @@ class Place:
 class Server:
     """One process of the suite, started by ``open``."""
 
-    def __init__(self, python: Path, program: Path = _PROGRAM) -> None:
+    def __init__(self, python: Path, program: Path = _PROGRAM, arguments: Sequence[str] = ()) -> None:
         self.python = python
         self.loaded: Place | None = None
         self.versions: dict[str, str] = {}
-        self._peer = Peer("simulator", SUITE, python, program, remedy=INSTALL, memory=_MEMORY)
+        self._peer = Peer("simulator", SUITE, python, program, arguments, remedy=INSTALL, memory=_MEMORY)
 
     @property
     def alive(self) -> bool:

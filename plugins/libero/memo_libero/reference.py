@@ -1,6 +1,6 @@
 """Reference programs: robot code written by hand, one a kind of goal, put together for a task.
 
-The files in ``programs/`` are robot code, not modules of this package: the skills they call exist in the sandbox only.
+The files in ``solutions/`` are robot code, not modules of this package: the skills they call exist in the sandbox only.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def reference_program(told: Mapping[str, Any], labels: Mapping[str, str]) -> str
 
 @functools.cache
 def _text(name: str) -> str:
-    return resources.files("memo_libero.programs").joinpath(f"{name}.py").read_text(encoding="utf-8").strip()
+    return resources.files("memo_libero.solutions").joinpath(f"{name}.py").read_text(encoding="utf-8").strip()
 
 
 def _step(

@@ -1,7 +1,7 @@
 """MEMO's Panda with the suite's hand, its masses and inertias, and the limits that its motors attain there.
 
-Kinematics and joint ranges agree with the suite's arm. The suite's inertias are rounded and its hand's are far too large;
-contact forces are estimated from torques, so they are taken over.
+Kinematics and joint ranges agree with the suite's arm. The suite's inertias are rounded and its hand's are far too
+large; contact forces are estimated from torques, so they are taken over.
 """
 
 from __future__ import annotations

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from fnmatch import fnmatch
 from typing import Literal
 
 import attrs
 from attrs.validators import gt
+
+from memo_core.plugin import InvalidArgument, close_match
 
 PARTS = (
     *(f"libero_{base}{variant}" for base in ("spatial", "object", "goal", "10") for variant in ("", "_lan", "_object")),
@@ -17,8 +20,16 @@ LEFT_OUT = {
     "libero_study_table": "its sentences are cut off",
     "libero_mine": "two tasks made for trying the tool",
     "libero_object_two_normal_episodes": "copies of two tasks of libero_object",
-    "libero_*_with_*": "a foreign object beside the same tasks and sentences: not one of the four changes of LIBERO-PRO",
+    "libero_*_with_*": "a foreign object beside the same tasks: none of the four changes of LIBERO-PRO",
 }
+
+
+def _known_parts(instance: object, attribute: attrs.Attribute[list[str]], parts: list[str]) -> None:
+    for part in parts:
+        if part not in PARTS:
+            why = next((f" (left out: {why})" for left, why in LEFT_OUT.items() if fnmatch(part, left)), "")
+            problem = f"{part!r} is unknown{why}{close_match(part, PARTS)}"
+            raise InvalidArgument("suite.parts", problem, ", ".join(PARTS))
 
 
 @attrs.frozen
@@ -42,7 +53,9 @@ class SuiteSettings:
 
     python: str = attrs.field(default="", metadata={"help": "the suite's own Python, as in simulator.python"})
     parts: list[str] = attrs.field(
-        factory=lambda: list(PARTS), metadata={"help": "parts of the suite, such as libero_goal and libero_goal_task"}
+        factory=lambda: list(PARTS),
+        validator=_known_parts,
+        metadata={"help": "parts of the suite, such as libero_goal and libero_goal_task"},
     )
     instruction: Literal["bddl", "file-name"] = attrs.field(
         default="bddl",

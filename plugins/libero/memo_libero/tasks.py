@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import json
 from collections.abc import Iterator, Sequence
@@ -175,8 +176,6 @@ def write_catalogue(server: Server, file: Path, parts: Sequence[str]) -> dict[st
     told: dict[str, list[dict[str, Any]]] = {part: [] for part in parts}
     for task in answer["tasks"]:
         told[task["suite"]].append(task)
-    try:
+    with contextlib.suppress(OSError):
         file.write_text(json.dumps(told), encoding="utf-8")
-    except OSError:
-        pass
     return told

@@ -24,8 +24,8 @@ def described(world: Any) -> dict[str, Any]:
     Returns:
         JSON values: ``things`` with their ``pieces`` (each in the frame of its first body; the joint's zero is the pose
             that the model describes), ``cameras``, ``base`` (position of the robot's base, world frame), ``table``
-            (height of what things stand on, world frame), ``owners`` (what each body of the model belongs to), ``states``
-            (number of initial states), ``done`` (whether the goal holds at the start) and ``digest``.
+            (height of what things stand on, world frame), ``owners`` (what each body of the model belongs to),
+            ``states`` (number of initial states), ``done`` (whether the goal holds at the start) and ``digest``.
     """
     named = [*world.env.objects_dict.items(), *world.env.fixtures_dict.items()]
     things = [_thing(world, name, one, name in world.env.fixtures_dict) for name, one in named]

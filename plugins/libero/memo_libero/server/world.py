@@ -152,8 +152,8 @@ class World:
     # -- reading -------------------------------------------------------------------------------------------------------
     def observed(self) -> np.ndarray:
         """Time (s), whether the goal holds, whether it ever held, whether physics failed, opening (m), effort (N); then
-        of the arm's joints positions, velocities, torques and accelerations; then position and velocity of each observed
-        joint, and position and quaternion (w first, world frame) of each observed body."""
+        of the arm's joints positions, velocities, torques and accelerations; then positions and velocities of the
+        observed joints, and position and quaternion (w first, world frame) of each observed body."""
         data, model = self.data, self.model
         failed = float(any(data.warning[kind].number for kind in _FATAL))
         opening = float(data.qpos[self.fingers].dot((1.0, -1.0)))

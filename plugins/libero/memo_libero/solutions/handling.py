@@ -73,7 +73,10 @@ def put_down(place, held, clearance=0.008, hover=0.12):
     offset, above, yaw = held
     hand = top_orientation(yaw)
     x, y, z = place[0] + offset[0], place[1] + offset[1], place[2] + above + clearance
-    move_to([x, y, z + hover], hand, then=[[[x, y, z], hand]])
+    try:
+        move_to([x, y, z + hover], hand, then=[[[x, y, z], hand]])
+    except MotionError:  # what it is put on counts as touched
+        move_to([x, y, z + hover], hand)
     move_straight([x, y, z], hand, speed=0.3)
     open_gripper()
     move_straight([x, y, z + 0.14], hand)
