@@ -72,12 +72,18 @@ def put_down(place, held, clearance=0.008, hover=0.12):
     # place: where the underside's middle comes to stand; held: what pick_up returned
     offset, above, yaw = held
     hand = top_orientation(yaw)
-    x, y, z = place[0] + offset[0], place[1] + offset[1], place[2] + above + clearance
-    try:
-        move_to([x, y, z + hover], hand, then=[[[x, y, z], hand]])
-    except MotionError:  # what it is put on counts as touched
-        move_to([x, y, z + hover], hand)
-    move_straight([x, y, z], hand, speed=0.3)
+    x, y = place[0] + offset[0], place[1] + offset[1]
+    # from a little higher where what is held hangs askew
+    for extra in [0.0, 0.012, 0.03]:
+        z = place[2] + above + clearance + extra
+        try:
+            move_to([x, y, z + hover], hand)
+            move_straight([x, y, z], hand, speed=0.3)
+            break
+        except MotionError as error:
+            problem = error
+    else:
+        raise problem
     open_gripper()
     move_straight([x, y, z + 0.14], hand)
     look()

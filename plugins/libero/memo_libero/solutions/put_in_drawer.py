@@ -3,9 +3,16 @@ def free_place(name, drawer):
     out = out_of(drawer)
     front = get_position(drawer + " handle")
     taken = [[front[0] + s * out[0], front[1] + s * out[1]] for s in [0.0, 0.08, 0.16, 0.24]]
-    taken = taken + [get_position(other) for other in get_objects() if other != name and "drawer" not in other]
-    places = [[0.36 + 0.03 * i, -0.24 + 0.03 * j] for i in range(12) for j in range(17)]
-    return max(places, key=lambda place: min([math.dist(place, other[:2]) for other in taken]))
+    boxes = [[point, point] for point in taken]
+    boxes = boxes + [get_bounds(other) for other in get_objects() if other != name and "drawer" not in other]
+    places = [[0.40 + 0.03 * i, -0.24 + 0.03 * j] for i in range(11) for j in range(23)]
+    return max(places, key=lambda place: min([beside(place, box) for box in boxes]))
+
+
+def beside(place, box):
+    # m from a place to a box, seen from above
+    away = [max(box[0][i] - place[i], place[i] - box[1][i], 0.0) for i in [0, 1]]
+    return math.hypot(away[0], away[1])
 
 
 def put_in_drawer(name, drawer):
