@@ -38,6 +38,24 @@ def list_suites(where: Folder = None, json: Json = False) -> None:
 
 
 @app.command()
+def count(
+    files: Annotated[list[Path], typer.Argument(help="Files that `memo tasks verify --out` wrote.")],
+    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Also write the table's data here.")] = None,
+    json: Json = False,
+) -> None:
+    """Count what reference programs did on LIBERO, by part: by LIBERO's rule, and at the end."""
+    from memo_libero.counting import counted, rows_of, write_table
+
+    table = counted(rows_of(files))
+    if out is not None:
+        write_table(out, table)
+    if json:
+        print_json(table)
+        return
+    print_table(tuple(table["rows"][0]), [tuple(row.values()) for row in table["rows"]])
+
+
+@app.command()
 def install(
     suite: Annotated[str, typer.Argument(help=f"Which one: {SUITE}.")],
     newest: Annotated[
