@@ -52,7 +52,8 @@ def hollows(solids: tuple[Solid, ...], most: int) -> tuple[Hollow, ...]:
     if not solids:
         return ()
     low, solid = _occupied(solids)
-    filled, found = solid.copy(), []
+    filled = solid.copy()
+    found: list[Hollow] = []
     while len(found) < most:
         box = _largest(filled, solid)
         if box is None:

@@ -47,7 +47,7 @@ def _step(
     if predicate == "open" and names[0] in regions:
         return ("open_drawer",), f"open_drawer({mover_of(names[0], labels, regions)!r})"
     if predicate in ("on", "in"):
-        return next(_placing(predicate, *names, labels, regions), None)
+        return next(_placing(predicate, names[0], names[1], labels, regions), None)
     return None
 
 

@@ -218,15 +218,18 @@ def _cavities(piece: _Piece, children: Sequence[_Piece]) -> Iterator[Cavity]:
     door = piece if slides else next(iter(children), None)
     for number, hollow in enumerate(hollows(tuple(_solids(piece)), most) if most else ()):
         label = space_label(piece.label, "" if slides else _region(piece, hollow), number)
-        shut = {} if door is None else {"door": _joint_name(door), "closed_within": _CLOSED[door.told["joint"]["kind"]]}
-        yield Cavity(label.replace(" ", "_"), label, Pose(hollow.centre), hollow.size, hollow.opening, **shut)
+        cavity = Cavity(label.replace(" ", "_"), label, Pose(hollow.centre), hollow.size, hollow.opening)
+        if door is not None:
+            within = _CLOSED[door.told["joint"]["kind"]]
+            cavity = attrs.evolve(cavity, door=_joint_name(door), closed_within=within)
+        yield cavity
 
 
 def _solids(piece: _Piece) -> Iterator[Solid]:
     back = piece.turn.inverse()
     for one in piece.told["solids"]:
-        axes = [_rounded(back.apply(axis)) for axis in one["axes"]]
-        yield Solid(_rounded(back.apply(one["centre"])), tuple(axes), _rounded(one["half"]))
+        x, y, z = (_rounded(back.apply(axis)) for axis in one["axes"])
+        yield Solid(_rounded(back.apply(one["centre"])), (x, y, z), _rounded(one["half"]))
 
 
 def _region(piece: _Piece, hollow: Hollow) -> str:

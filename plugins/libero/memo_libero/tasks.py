@@ -68,7 +68,7 @@ class LiberoTask(Task):
         return Outcome(success, f"{said[now, ever]} ({told})", measures)
 
     @functools.cached_property
-    def reference_solution(self) -> str:  # type: ignore[override]
+    def reference_solution(self) -> str:
         """Our program for this kind of task; empty if there is none."""
         return reference_program(self.told, self.labels)
 

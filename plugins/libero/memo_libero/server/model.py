@@ -85,7 +85,8 @@ def _pieces(world: Any, body: int, parent: int | None) -> Iterator[dict[str, Any
 
 def _rigid(model: Any, body: int) -> tuple[list[int], list[int]]:
     """Bodies that are fixed to a body, itself first, and those that move against it."""
-    members, movers = [body], []
+    members: list[int] = [body]
+    movers: list[int] = []
     for child in range(body + 1, model.nbody):
         if int(model.body_parentid[child]) in members:
             (movers if model.body_jntnum[child] else members).append(child)
