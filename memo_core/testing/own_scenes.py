@@ -172,6 +172,19 @@ def tool_pose_is_that_of_the_kinematics(make: Make) -> None:
 
 
 @rule
+def links_with_cameras_have_poses(make: Make) -> None:
+    """body_pose knows the robot's link that carries a camera, as ``robot/LINK``."""
+    sample = _built(make)
+    with sample.simulator as simulator:
+        for camera in sample.scene.cameras:
+            try:
+                if camera.link:
+                    simulator.body_pose(f"robot/{camera.link}")
+            except KeyError:
+                raise AssertionError(f"body_pose('robot/{camera.link}') is not known") from None
+
+
+@rule
 def unknown_names_are_key_errors(make: Make) -> None:
     """body_pose, joint_position and their kind raise KeyError for names that do not exist."""
     sample = _built(make)

@@ -94,7 +94,8 @@ class Double:
     def _state(self):
         ever = float(self.ticks >= 20)
         now = float(20 <= self.ticks < 40)
-        poses = [0.5, 0.0, 0.92, *IDENTITY, 0.6, 0.2, 0.9, *IDENTITY, 0.3, 0.0, 1.3, *IDENTITY]
+        robot = [0.0, 0.0, 0.9, *IDENTITY] * 8 + [0.3, 0.0, 1.3, *IDENTITY]
+        poses = [0.5, 0.0, 0.92, *IDENTITY, 0.6, 0.2, 0.9, *IDENTITY, *robot]
         return np.array([self.ticks / 100, now, ever, 0.0, 0.08, 0.0, *[0.0] * 28, *poses])
 
 

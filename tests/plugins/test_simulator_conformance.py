@@ -8,6 +8,8 @@ from memo_sim_mujoco.simulator import MujocoSimulator
 from memo_sim_pybullet.simulator import PybulletSimulator
 
 from memo_core.errors import InvalidArgument
+from memo_core.scene.description import Camera
+from memo_core.scene.pose import Pose
 from memo_core.testing.own_scenes import RULES as OWN_RULES
 from memo_core.testing.simulator import RULES, check_simulator
 from memo_core.testing.simulator_scenes import check_robot, check_scene
@@ -54,6 +56,22 @@ class OwnScenes(MujocoSimulator):
         super().build(scene, robot)
 
 
+class OnAWrist(OwnScenes):
+    """With a camera that the hand carries."""
+
+    def sample(self):
+        scene, robot = super().sample()
+        return attrs.evolve(scene, cameras=(*scene.cameras, Camera("wrist", Pose(), link="hand"))), robot
+
+    def build(self, scene, robot):
+        MujocoSimulator.build(self, scene, robot)
+
+
+class KnowsOnlyBodies(OnAWrist):
+    def body_pose(self, body):
+        return super().body_pose(body.removeprefix("robot/") if body.startswith("robot/") else body)
+
+
 class BuildsAnything(OwnScenes):
     def build(self, scene, robot):
         MujocoSimulator.build(self, scene, robot)
@@ -66,6 +84,7 @@ class NamesGeoms(OwnScenes):
 
 WRONG_OWN = wrong_simulators(OwnScenes) | {
     "other_scenes_are_refused": BuildsAnything,
+    "links_with_cameras_have_poses": KnowsOnlyBodies,
     "contacts_name_bodies_and_links": NamesGeoms,
 }
 
@@ -79,6 +98,10 @@ def test_a_simulator_with_scenes_of_its_own_keeps_the_rule(name):
 def test_the_rule_rejects_a_simulator_with_scenes_of_its_own_that_breaks_it(name):
     with pytest.raises(AssertionError):
         OWN_RULES[name](WRONG_OWN[name])
+
+
+def test_a_camera_on_the_hand_is_on_a_link_that_is_known():
+    OWN_RULES["links_with_cameras_have_poses"](OnAWrist)
 
 
 @pytest.mark.parametrize("simulator", SIMULATORS)

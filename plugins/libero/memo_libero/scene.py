@@ -29,6 +29,7 @@ from memo_libero.hollows import Hollow, Solid, hollows
 from memo_libero.names import HOLLOW, labels_of, mover_label, space_label
 from memo_libero.robot import HAND
 
+LINKS = (*(f"robot/panda_link{number}" for number in range(8)), f"robot/{HAND}")  # observed after the bodies
 ONLY_IN = "simulator.backend=libero and robot.backend=libero-panda"
 _ACROSS = np.diag((1.0, -1.0, -1.0))  # OpenGL's camera axes to OpenCV's
 _LEAST_M = 0.001  # of a box
@@ -78,7 +79,7 @@ def scene_of(told: dict[str, Any], state: Array, place: Place, python: str) -> L
 
     Args:
         told: what the suite's process says of it (``server.model.described``).
-        state: what it observes at the start, after the joints' velocities: poses of the bodies, then the hand's.
+        state: poses (n, 7) that it observes at the start: position and quaternion of each body, then of the robot's.
         place: which scene it is.
         python: interpreter of the process.
 
@@ -110,18 +111,13 @@ def scene_of(told: dict[str, Any], state: Array, place: Place, python: str) -> L
     )
 
 
-def poses_of(state: Array) -> list[tuple[Sequence[float], Sequence[float]]]:
-    """Positions (world frame, m) and quaternions of observed bodies."""
-    return [(row[:3], row[3:]) for row in state.reshape(-1, 7).tolist()]
-
-
 def _pieces(told: dict[str, Any], state: Array, labels: Mapping[str, str]) -> Iterator[_Piece]:
     taken: set[str] = set()
-    observed = iter(poses_of(state))
+    observed = iter(state.tolist())
     for thing in told["things"]:
         for piece in thing["pieces"]:
-            position, turned = next(observed)
-            start = Pose(tuple(np.subtract(position, told["base"])), tuple(turned))
+            pose = next(observed)
+            start = Pose(tuple(np.subtract(pose[:3], told["base"])), tuple(pose[3:]))
             own = labels[thing["name"]]
             label = own if piece["parent"] is None else mover_label(piece["name"])
             name = (label or f"{own} {piece['name'].removeprefix(thing['name'] + '_')}").replace(" ", "_")

@@ -27,7 +27,7 @@ from memo_core.plugin import (
 from memo_libero.connection import Place, Server, borrow, give_back
 from memo_libero.environment import SUITE, python_of
 from memo_libero.robot import TOOL_M, panda
-from memo_libero.scene import LiberoScene
+from memo_libero.scene import LINKS, LiberoScene
 from memo_libero.settings import SimulatorSettings
 from memo_libero.tasks import describe
 
@@ -81,6 +81,7 @@ class LiberoSimulator(Simulator):
         self.scene, self.robot = scene, robot
         self._command = np.concatenate((self._of_arm(0), (robot.gripper.stroke, robot.gripper.max_force)))
         self._names = {name: number for number, name in enumerate(scene.view.bodies)}
+        self._links = {name: number for number, name in enumerate(LINKS, start=len(self._names))}
         self._joint_numbers = {name: number for number, name in enumerate(scene.view.joints)}
         self._families = families(scene)
         self.mechanisms = Mechanisms(scene, self, self)
@@ -134,6 +135,8 @@ class LiberoSimulator(Simulator):
         return Pose((values[0] - x, values[1] - y, values[2] - z), values[3:])
 
     def body_pose(self, body: str) -> Pose:
+        if body in self._links:
+            return self._pose(self._links[body])
         number = self._names[body]
         return self._pose(number) * self.scene.view.turns[number]
 
@@ -162,7 +165,7 @@ class LiberoSimulator(Simulator):
         return self._families[body]
 
     def tool_pose(self) -> Pose:
-        return self._pose(len(self._names)) * _TOOL
+        return self._pose(self._links[LINKS[-1]]) * _TOOL
 
     # -- the joint-level link ------------------------------------------------------------------------------------------
     def joint_positions(self) -> Array:

@@ -16,7 +16,7 @@ from memo_libero.connection import Place, Server, borrowed
 from memo_libero.environment import python_of
 from memo_libero.names import goal_sentences, labels_of
 from memo_libero.reference import reference_program
-from memo_libero.scene import LiberoScene, scene_of
+from memo_libero.scene import LINKS, LiberoScene, scene_of
 from memo_libero.settings import SuiteSettings
 
 STATES = 50  # initial states of a task
@@ -119,8 +119,8 @@ def describe(place: Place, python: Path, seconds: float) -> LiberoScene:
     """
     with borrowed(python, place) as server:
         told, state = server.load(place, seconds)
-    poses = state[-7 * (sum(len(thing["pieces"]) for thing in told["things"]) + 1) :]
-    return scene_of(told, poses, place, str(python))
+    count = sum(len(thing["pieces"]) for thing in told["things"]) + len(LINKS)
+    return scene_of(told, state[-7 * count :].reshape(-1, 7), place, str(python))
 
 
 class Tasks(Sequence[Task]):

@@ -30,7 +30,7 @@ def described(world: Any) -> dict[str, Any]:
     named = [*world.env.objects_dict.items(), *world.env.fixtures_dict.items()]
     things = [_thing(world, name, one, name in world.env.fixtures_dict) for name, one in named]
     pieces = [piece for thing in things for piece in thing["pieces"]]
-    world.bodies = [piece["body"] for piece in pieces] + [world.hand]
+    world.bodies = [piece["body"] for piece in pieces] + [*world.links, world.hand]
     world.joints = [piece["joint"]["id"] for piece in pieces if piece["joint"]]
     base = world.data.xpos[world.base]
     if np.abs(world.data.xquat[world.base] - (1, 0, 0, 0)).max() > 1e-9:

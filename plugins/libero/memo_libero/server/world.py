@@ -82,6 +82,7 @@ class World:
         self._inertia = np.ix_(self.dofs, self.dofs)
         self._limits = model.actuator_ctrlrange[:7, 1].copy()
         self.base = self.id("body", "robot0_link0")
+        self.links = [self.id("body", f"robot0_link{number}") for number in range(8)]
         self.hand = self.id("body", "robot0_right_hand")  # its y is the closing axis
         self._pads = tuple(
             {self.id("body", f"gripper0_{side}finger"), self.id("body", f"gripper0_finger_joint{number}_tip")}
