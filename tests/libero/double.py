@@ -1,7 +1,6 @@
 """A double of the suite's process: one block on a table, and faults on request. It runs under MEMO's own Python.
 
-``DOUBLE`` in the environment is no way in, since a peer gets only a few variables; a file beside the interpreter's link
-says what to do (``fault``).
+The file that is its first argument asks for a fault, such as ``killed tick``.
 """
 
 import os
@@ -18,7 +17,7 @@ HAND = 2
 
 
 def _fault(operation):
-    """What the file says to do in an operation, such as ``killed tick``."""
+    """Do what the file asks for in an operation, such as ``killed tick``; returns the kind of fault."""
     asked = FAULTS.read_text().split() if FAULTS.is_file() else []
     kind = asked[0] if asked[1:] == [operation] else ""
     if kind == "killed":

@@ -1,4 +1,4 @@
-"""What only the suite itself can show; skipped where `memo suites install libero` was not run."""
+"""Promises that only the suite itself can show; skipped where `memo suites install libero` was not run."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def test_the_robot_has_the_kinematics_and_feels_no_weight_of_its_own():
 
 
 def test_cameras_and_the_scene_agree():
-    """What depth shows of the plate lies in the plate's box."""
+    """Points that depth shows of the plate lie in the plate's box."""
     described = scene("libero_goal", 0)
     camera = next(one for one in described.cameras if one.name == "agentview")
     with LiberoSimulator() as simulator:

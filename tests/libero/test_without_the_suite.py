@@ -1,4 +1,4 @@
-"""What must hold without LIBERO: every fault of its process is one clear error, its process is used twice rather than
+"""Promises that hold without LIBERO: every fault of its process is one clear error, a process is used twice rather than
 started twice, and its scenes become scenes of MEMO's."""
 
 from __future__ import annotations

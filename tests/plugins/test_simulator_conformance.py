@@ -57,7 +57,7 @@ class OwnScenes(MujocoSimulator):
 
 
 class OnAWrist(OwnScenes):
-    """With a camera that the hand carries."""
+    """One whose sample has a camera that the hand carries."""
 
     def sample(self):
         scene, robot = super().sample()

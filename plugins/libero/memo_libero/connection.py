@@ -96,7 +96,7 @@ _lock = threading.Lock()
 
 
 def borrow(python: Path, wanted: Place | None = None) -> Server:
-    """An open process of the suite that nobody else uses; one that has the wanted scene, if there is one."""
+    """Take an open process of the suite that is not in use, if possible one that has the wanted scene."""
     with _lock:
         fitting = [server for server in _idle if server.alive and server.python == python]
         fitting.sort(key=lambda server: server.loaded != wanted)

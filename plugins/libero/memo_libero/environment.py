@@ -1,4 +1,4 @@
-"""Where the suite's own environment lies, and what is in it."""
+"""Location of the suite's own environment, and the version that it must have."""
 
 from __future__ import annotations
 

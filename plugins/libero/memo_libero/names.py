@@ -1,4 +1,4 @@
-"""What a person would call the suite's things: labels of categories, of what moves, and of goals in sentences."""
+"""Everyday names of the suite's things: labels of categories and movable parts, and goals as sentences."""
 
 from __future__ import annotations
 

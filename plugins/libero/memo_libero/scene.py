@@ -50,7 +50,7 @@ class LiberoScene(SceneDescription):
 
 @attrs.frozen
 class View:
-    """How the model's bodies and joints are called and turned in the description, in the order they are observed.
+    """Names and turns of the model's bodies and joints in the description, in the order they are observed.
 
     ``turns``: each body's frame here in the model's; ``owners``: name of what each body of the model belongs to."""
 
@@ -275,6 +275,6 @@ def _vector(values: Sequence[float] | Array) -> Vector:
 
 
 def _rounded(values: Sequence[float] | Array) -> Vector:
-    """To a tenth of a micrometre, so that equal things in different places have equal insides."""
+    """Rounded to a tenth of a micrometre, so that equal things in different places have equal insides."""
     x, y, z = (round(float(value), 7) for value in values)
     return x, y, z

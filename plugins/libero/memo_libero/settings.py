@@ -18,8 +18,8 @@ PARTS = (
 # Complete in the distribution, and left out.
 LEFT_OUT = {
     "libero_study_table": "its sentences are cut off",
-    "libero_mine": "two tasks made for trying the tool",
-    "libero_object_two_normal_episodes": "copies of two tasks of libero_object",
+    "libero_mine": "two single tasks",
+    "libero_object_two_normal_episodes": "two tasks of libero_object again",
     "libero_*_with_*": "a foreign object beside the same tasks: none of the four changes of LIBERO-PRO",
 }
 
@@ -34,7 +34,7 @@ def _known_parts(instance: object, attribute: attrs.Attribute[list[str]], parts:
 
 @attrs.frozen
 class SimulatorSettings:
-    """Where the suite's process comes from, and how long it may take."""
+    """The suite's Python, and time limits of its process."""
 
     python: str = attrs.field(
         default="", metadata={"help": "the suite's own Python; empty: that of `memo suites install libero`"}
@@ -49,7 +49,7 @@ class SimulatorSettings:
 
 @attrs.frozen
 class SuiteSettings:
-    """Which tasks, and how they are told and judged."""
+    """Choice of tasks, of their sentences, and of the rule of success."""
 
     python: str = attrs.field(default="", metadata={"help": "the suite's own Python, as in simulator.python"})
     parts: list[str] = attrs.field(

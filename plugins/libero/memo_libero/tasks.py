@@ -90,7 +90,7 @@ def _seed_of(rng: np.random.Generator) -> int:
 
 
 def _variant(suite: str) -> str:
-    """Which change of LIBERO-PRO a part makes; empty for a part of LIBERO."""
+    """Name of the change that a part of LIBERO-PRO makes; empty for a part of LIBERO."""
     last = suite.rpartition("_")[2]
     return last if suite.count("_") > 1 and last in ("lan", "object", "swap", "task") else ""
 
@@ -151,7 +151,7 @@ class Tasks(Sequence[Task]):
 
 
 def catalogue(python: Path) -> dict[str, list[dict[str, Any]]]:
-    """What the suite's files say of its tasks, by part. Reading them takes seconds, so they are kept beside its Python.
+    """Tasks of the suite by part, as its files describe them, kept beside its Python: reading them takes seconds.
 
     Args:
         python: the suite's Python.

@@ -1,4 +1,4 @@
-"""What the suite's own files say of its tasks."""
+"""Tasks of the suite as its own files describe them."""
 
 from __future__ import annotations
 

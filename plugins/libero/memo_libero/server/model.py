@@ -1,4 +1,4 @@
-"""What stands in a loaded scene, read from the compiled model: rigid pieces, their joints, and the shapes one sees."""
+"""Things in a loaded scene, read from the compiled model: rigid pieces, their joints, and the shapes one sees."""
 
 from __future__ import annotations
 
@@ -182,7 +182,7 @@ def _in_frame(world: Any, frame: int, geom: int, points: np.ndarray) -> np.ndarr
 
 
 def _names(world: Any, geom: int) -> Iterator[str]:
-    """What the model calls a geom, its mesh and its material."""
+    """Names in the model of a geom, its mesh and its material."""
     yield world.name("geom", geom)
     for kind, number in (("mesh", world.model.geom_dataid[geom]), ("material", world.model.geom_matid[geom])):
         if number >= 0:
@@ -241,7 +241,7 @@ def _support(world: Any) -> float:
 
 
 def _owners(world: Any, pieces: list[dict[str, Any]]) -> list[str]:
-    """Of each body of the model: ``piece N``, ``robot NAME``, ``table`` or ``floor``."""
+    """Owner of each body of the model: ``piece N``, ``robot NAME``, ``table`` or ``floor``."""
     model = world.model
     owners = ["floor"] * model.nbody
     for body in range(1, model.nbody):

@@ -24,7 +24,7 @@ def operations(arguments: list[str]) -> dict[str, Any]:
 
 
 class Operations:
-    """What can be asked for. One scene is loaded at a time."""
+    """Operations on one scene, which is loaded until another is."""
 
     def __init__(self) -> None:
         self._world: Any = None
@@ -38,7 +38,7 @@ class Operations:
         return {"versions": versions | {"python": ".".join(map(str, sys.version_info[:3]))}}
 
     def tasks(self, suites: list[str]) -> dict[str, Any]:
-        """What the suite's files say of the tasks of some of its parts."""
+        """Tasks of some parts of the suite, as its files describe them."""
         from catalogue import tasks_of
 
         return {"tasks": [task for suite in suites for task in tasks_of(suite)]}

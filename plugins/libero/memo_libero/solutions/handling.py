@@ -19,7 +19,7 @@ def grip_height(name):
 
 
 def across_grasps(name):
-    # the fingers close across the whole of it
+    # the fingers close across it where it is narrow enough
     x, y, _ = get_position(name)
     grasps = []
     for direction, extent in get_level_axes(name):
