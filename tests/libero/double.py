@@ -30,7 +30,7 @@ def _fault(operation):
 
 
 def operations(arguments):
-    """Operations by name, as in ``memo_libero.server.program``."""
+    """Operations by name, as in ``memo_libero.far_side.program``."""
     world = Double()
     names = ("hello", "tasks", "load", "tick", "observe", "checkpoint", "restore")
     return {name: _guarded(name, getattr(world, name)) for name in names}

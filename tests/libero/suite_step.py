@@ -1,6 +1,6 @@
 """Run by LIBERO's own Python: drives a scene with our raw stepping and with the suite's ``env.step``, and compares.
 
-``suite_step.py SERVER_FOLDER`` prints the largest difference of positions (rad, m) after some seconds, as JSON.
+``suite_step.py FAR_SIDE_FOLDER`` prints the largest difference of positions (rad, m) after some seconds, as JSON.
 """
 
 import contextlib

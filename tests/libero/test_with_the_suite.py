@@ -35,7 +35,7 @@ pytestmark = [
     ),
 ]
 CONFIG = Path(__file__).parents[2] / "examples" / "libero.yaml"
-SERVER = Path(connection.__file__).parent / "server"
+FAR_SIDE = Path(connection.__file__).parent / "far_side"
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -60,7 +60,7 @@ def test_the_simulator_keeps_the_rule(name):
 
 def test_our_stepping_is_the_suites_own():
     """Arm, fingers and objects after two seconds with a closing gripper: as after ``env.step`` with the same gain."""
-    command = [str(PYTHON), str(Path(__file__).parent / "suite_step.py"), str(SERVER)]
+    command = [str(PYTHON), str(Path(__file__).parent / "suite_step.py"), str(FAR_SIDE)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=240)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout.splitlines()[-1])

@@ -16,7 +16,7 @@ import numpy as np
 from memo_core.plugin import BackendLost, BackendUnavailable, Peer, PeerError
 from memo_libero.environment import INSTALL, SUITE, VERSION
 
-_PROGRAM = Path(__file__).parent / "server" / "program.py"
+_PROGRAM = Path(__file__).parent / "far_side" / "program.py"
 _MEMORY = "1.2 to 1.7 GB"
 _HELLO_S = 120.0  # to start; a machine that is busy takes its time
 
@@ -81,7 +81,7 @@ class Server:
     def call(
         self, operation: str, *arrays: np.ndarray, seconds: float, **fields: Any
     ) -> tuple[dict[str, Any], list[np.ndarray]]:
-        """Ask for an operation (``memo_libero.server.program``). Raises ``BackendLost``, ``PeerError``."""
+        """Ask for an operation (``memo_libero.far_side.program``). Raises ``BackendLost``, ``PeerError``."""
         try:
             return self._peer.call(operation, arrays, seconds=seconds, **fields)
         except PeerError as error:

@@ -19,7 +19,7 @@ def reference_program(told: Mapping[str, Any], labels: Mapping[str, str]) -> str
     """The program for a task.
 
     Args:
-        told: what the suite's files say of it (``server.catalogue.tasks_of``).
+        told: what the suite's files say of it (``far_side.catalogue.tasks_of``).
         labels: name of a thing -> label.
 
     Returns:

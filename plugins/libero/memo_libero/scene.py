@@ -78,7 +78,7 @@ def scene_of(told: dict[str, Any], state: Array, place: Place, python: str) -> L
     """Make the description of a loaded scene.
 
     Args:
-        told: what the suite's process says of it (``server.model.described``).
+        told: what the suite's process says of it (``far_side.model.described``).
         state: poses (n, 7) that it observes at the start: position and quaternion of each body, then of the robot's.
         place: which scene it is.
         python: interpreter of the process.

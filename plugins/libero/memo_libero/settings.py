@@ -15,6 +15,7 @@ PARTS = (
     *(f"libero_{base}{variant}" for base in ("spatial", "object", "goal", "10") for variant in ("_swap", "_task")),
     "libero_90",
 )
+CAMERAS = ("agentview", "frontview", "sideview", "birdview", "galleryview", "robotview", "wrist")
 # Complete in the distribution, and left out.
 LEFT_OUT = {
     "libero_study_table": "its sentences are cut off",
@@ -30,6 +31,13 @@ def _known_parts(instance: object, attribute: attrs.Attribute[list[str]], parts:
             why = next((f" (left out: {why})" for left, why in LEFT_OUT.items() if fnmatch(part, left)), "")
             problem = f"{part!r} is unknown{why}{close_match(part, PARTS)}"
             raise InvalidArgument("suite.parts", problem, ", ".join(PARTS))
+
+
+def _known_cameras(instance: object, attribute: attrs.Attribute[list[str]], cameras: list[str]) -> None:
+    for camera in cameras:
+        if camera not in CAMERAS:
+            problem = f"{camera!r} is unknown{close_match(camera, CAMERAS)}"
+            raise InvalidArgument("suite.cameras", problem, ", ".join(CAMERAS))
 
 
 @attrs.frozen
@@ -65,6 +73,11 @@ class SuiteSettings:
     )
     judge: Literal["ever", "end"] = attrs.field(
         default="ever", metadata={"help": "ever: the goal held at some moment, LIBERO's rule; end: it holds at the end"}
+    )
+    cameras: list[str] = attrs.field(
+        factory=lambda: ["agentview", "sideview", "birdview", "wrist"],
+        validator=_known_cameras,
+        metadata={"help": f"cameras of the scene, among {', '.join(CAMERAS)}; each costs time at every look"},
     )
     limit_s: float = attrs.field(
         default=120.0, validator=gt(0.0), metadata={"help": "simulated seconds that a task may take"}

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, overload
 
+import attrs
 import numpy as np
 
 from memo_core.plugin import Outcome, SceneDescription, Task, WorldState
@@ -56,7 +57,11 @@ class LiberoTask(Task):
         """The initial state whose number is the seed's, modulo their number; fixtures stand as the seed has them."""
         seed = _seed_of(rng)
         place = Place(self.told["suite"], self.told["index"], seed % STATES, seed % 2**32)
-        return describe(place, self._python, _LOAD_S)
+        described = describe(place, self._python, _LOAD_S)
+        cameras = {camera.name: camera for camera in described.cameras}
+        return attrs.evolve(
+            described, cameras=tuple(cameras[name] for name in self._settings.cameras if name in cameras)
+        )
 
     def check(self, world: WorldState, monitors: dict[str, Any]) -> Outcome:
         """The suite's own verdict: whether its goal held at some moment, and whether it holds now."""
@@ -157,7 +162,7 @@ def catalogue(python: Path) -> dict[str, list[dict[str, Any]]]:
         python: the suite's Python.
 
     Returns:
-        Part -> its tasks (``server.catalogue.tasks_of``).
+        Part -> its tasks (``far_side.catalogue.tasks_of``).
     """
     from memo_libero.settings import PARTS
 
