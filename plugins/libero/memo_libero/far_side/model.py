@@ -22,10 +22,11 @@ def described(world: Any) -> dict[str, Any]:
         world: a ``World``.
 
     Returns:
-        JSON values: ``things`` with their ``pieces`` (each in the frame of its first body; the joint's zero is the pose
-            that the model describes), ``cameras``, ``base`` (position of the robot's base, world frame), ``table``
-            (height of what things stand on, world frame), ``owners`` (what each body of the model belongs to),
-            ``states`` (number of initial states), ``done`` (whether the goal holds at the start) and ``digest``.
+        JSON values: ``things`` with their ``regions`` (places that the judge uses, in the base's frame) and ``pieces``
+            (each in the frame of its first body; the joint's zero is the pose that the model describes), ``cameras``,
+            ``base`` (position of the robot's base, world frame), ``table`` (height of what things stand on, world
+            frame), ``owners`` (what each body of the model belongs to), ``states`` (number of initial states),
+            ``done`` (whether the goal holds at the start) and ``digest``.
     """
     named = [*world.env.objects_dict.items(), *world.env.fixtures_dict.items()]
     things = [_thing(world, name, one, name in world.env.fixtures_dict) for name, one in named]
@@ -51,15 +52,22 @@ def _thing(world: Any, name: str, one: Any, fixture: bool) -> dict[str, Any]:
     root = world.id("body", one.root_body)
     return {
         "name": name,
-        "category": one.category_name,
+        "category": _categories(world)[name],
         "fixture": fixture,
         "pieces": list(_pieces(world, root, None)),
         "regions": {
-            region: world.data.site_xpos[world.id("site", region)].tolist()
+            region: (world.data.site_xpos[world.id("site", region)] - world.data.xpos[world.base]).tolist()
             for region, site in world.env.object_sites_dict.items()
             if site.parent_name == name
         },
     }
+
+
+def _categories(world: Any) -> dict[str, str]:
+    """Category of each thing, as the task's file spells it; the suite's classes spell some differently."""
+    problem = world.env.parsed_problem
+    kinds = (*problem["objects"].items(), *problem["fixtures"].items())
+    return {thing: kind for kind, things in kinds for thing in things}
 
 
 def _pieces(world: Any, body: int, parent: int | None) -> Iterator[dict[str, Any]]:
