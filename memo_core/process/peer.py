@@ -104,11 +104,6 @@ class Peer:
         """Whether the program runs."""
         return self._process is not None and self._process.poll() is None
 
-    @property
-    def pid(self) -> int | None:
-        """Process id; None before ``open`` and after ``close``."""
-        return None if self._process is None else self._process.pid
-
     def close(self) -> None:
         """End the program; kill it if it does not end by itself. Idempotent."""
         link, process, self._link = self._link, self._process, None

@@ -76,8 +76,8 @@ class Double:
         }
         return {"scene": scene}, [self._state()]
 
-    def tick(self, arrays, count=1):
-        self.ticks += count
+    def tick(self, arrays):
+        self.ticks += 1
         return {}, [self._state()]
 
     def observe(self):

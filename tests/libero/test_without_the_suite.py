@@ -128,16 +128,16 @@ def test_what_the_description_loaded_is_not_loaded_by_another_process(python, mo
     started = []
     monkeypatch.setattr(Server, "open", lambda self, open=Server.open: (started.append(self), open(self)))
     first = built(python)
-    pid = first._server.pid
+    pid = _pid(first)
     first.close()
     second = built(python, seed=1)
-    assert second._server.pid == pid and len(started) == 1
+    assert _pid(second) == pid and len(started) == 1
     second.close()
 
 
 def test_two_simulators_at_once_have_a_process_each_and_one_is_kept(python):
     one, other = built(python), built(python, seed=1)
-    pids = [one._server.pid, other._server.pid]
+    pids = [_pid(one), _pid(other)]
     assert pids[0] != pids[1]
     one.tick()
     assert one.time > other.time
@@ -146,6 +146,10 @@ def test_two_simulators_at_once_have_a_process_each_and_one_is_kept(python):
     assert [_runs(pid) for pid in pids] == [True, False]
     connection.end_idle()
     assert not _runs(pids[0])
+
+
+def _pid(simulator: LiberoSimulator) -> int:
+    return simulator._server._peer._process.pid
 
 
 def _runs(pid: int) -> bool:

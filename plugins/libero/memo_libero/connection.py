@@ -45,11 +45,6 @@ class Server:
         """Whether it runs."""
         return self._peer.alive
 
-    @property
-    def pid(self) -> int | None:
-        """Its process id."""
-        return self._peer.pid
-
     def open(self) -> None:
         """Start it and see what it is. Raises ``BackendUnavailable``."""
         self._peer.open()

@@ -79,6 +79,9 @@ class SuiteSettings:
         validator=_known_cameras,
         metadata={"help": f"cameras of the scene, among {', '.join(CAMERAS)}; each costs time at every look"},
     )
+    load_seconds: float = attrs.field(
+        default=180.0, validator=gt(0.0), metadata={"help": "longest wait for a scene, as in simulator.load_seconds, s"}
+    )
     limit_s: float = attrs.field(
         default=120.0, validator=gt(0.0), metadata={"help": "simulated seconds that a task may take"}
     )

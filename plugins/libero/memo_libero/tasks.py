@@ -24,7 +24,7 @@ STATES = 50  # initial states of a task
 HOLDS = "LIBERO's goal holds"  # how the reasons of verdicts begin
 HELD = "LIBERO's goal held at some moment and no longer holds"
 NEVER_HELD = "LIBERO's goal never held"
-_LOAD_S = 180.0
+_CATALOGUE_S = 180.0
 CATALOGUE = "memo-tasks.json"  # in the suite's environment
 _DESCRIBED = 64  # scenes that are kept described
 
@@ -57,7 +57,7 @@ class LiberoTask(Task):
         """The initial state whose number is the seed's, modulo their number; fixtures stand as the seed has them."""
         seed = _seed_of(rng)
         place = Place(self.told["suite"], self.told["index"], seed % STATES, seed % 2**32)
-        described = describe(place, self._python, _LOAD_S)
+        described = describe(place, self._python, self._settings.load_seconds)
         cameras = {camera.name: camera for camera in described.cameras}
         return attrs.evolve(
             described, cameras=tuple(cameras[name] for name in self._settings.cameras if name in cameras)
@@ -176,7 +176,7 @@ def catalogue(python: Path) -> dict[str, list[dict[str, Any]]]:
 
 def write_catalogue(server: Server, file: Path, parts: Sequence[str]) -> dict[str, list[dict[str, Any]]]:
     """Ask for the tasks of parts, and keep the answer in a file if it can be written."""
-    answer, _ = server.call("tasks", seconds=_LOAD_S, suites=list(parts))
+    answer, _ = server.call("tasks", seconds=_CATALOGUE_S, suites=list(parts))
     told: dict[str, list[dict[str, Any]]] = {part: [] for part in parts}
     for task in answer["tasks"]:
         told[task["suite"]].append(task)

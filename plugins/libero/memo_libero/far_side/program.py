@@ -61,11 +61,10 @@ class Operations:
             self._world.return_to_start()
         return {"scene": self._described}, [self._world.observed()]
 
-    def tick(self, arrays: list[np.ndarray], count: int = 1) -> Any:
-        """Let control periods pass. ``arrays``: joint targets (7,), rad, then opening (m) and force (N)."""
+    def tick(self, arrays: list[np.ndarray]) -> Any:
+        """Let a control period pass. ``arrays``: joint targets (7,), rad, then opening (m) and force (N)."""
         self._world.command(arrays[0])
-        for _ in range(count):
-            self._world.tick()
+        self._world.tick()
         return {}, [self._world.observed()]
 
     def observe(self) -> Any:
