@@ -66,6 +66,7 @@ def run_trial(trial: VerifiedTrial) -> dict[str, Any]:
         "seed": trial.seed,
         "reference": found.reference.success,
         "reference_why": found.error or found.reference.reason,
+        "measures": found.reference.measures,
         "null": found.null.success,
         "null_why": found.null.reason,
         "wall_s": time.monotonic() - started,

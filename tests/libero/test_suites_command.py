@@ -11,7 +11,7 @@ import pytest
 from memo_libero.commands import app
 from memo_libero.counting import counted, rows_of
 from memo_libero.installing import Recipe, found, make
-from memo_libero.tasks import HELD, HOLDS, NEVER_HELD
+from memo_libero.tasks import AT_END, EVER
 from typer.testing import CliRunner
 
 from memo_core.errors import BackendUnavailable, InvalidArgument, UnknownName
@@ -89,10 +89,10 @@ def test_the_published_stack_needs_its_python(monkeypatch):
 
 
 def test_counts_tell_both_rules_apart_and_count_no_trial_twice(tmp_path):
-    why = [HOLDS, HELD, NEVER_HELD, "line 3: MotionError: too far"]
+    verdicts = [(1.0, 1.0), (1.0, 0.0), (0.0, 0.0), (0.0, 0.0)]
     rows = [
-        {"task": "goal-task-turn-on-the-stove", "seed": n, "reference_why": f"{text} (…)", "null": False}
-        for n, text in enumerate(why)
+        {"task": "goal-task-turn-on-the-stove", "seed": n, "measures": {EVER: ever, AT_END: end}, "null": False}
+        for n, (ever, end) in enumerate(verdicts)
     ]
     file = tmp_path / "out.jsonl"
     file.write_text("".join(json.dumps(row) + "\n" for row in [*rows, rows[0]]))
@@ -105,6 +105,6 @@ def test_counts_tell_both_rules_apart_and_count_no_trial_twice(tmp_path):
 
 def test_a_file_of_something_else_is_named(tmp_path):
     file = tmp_path / "other.jsonl"
-    file.write_text('{"task": "open-the-fridge", "seed": 0}\n')
+    file.write_text('{"task": "open-the-fridge", "seed": 0, "measures": {"held_at_some_moment": 1}}\n')
     with pytest.raises(InvalidArgument, match=r"line 1 of .*other\.jsonl is of 'open-the-fridge'"):
         list(rows_of([file]))

@@ -9,7 +9,7 @@ from typing import Any
 
 from memo_core.plugin import InvalidArgument
 from memo_libero.settings import PARTS
-from memo_libero.tasks import HELD, HOLDS
+from memo_libero.tasks import AT_END, EVER
 
 _COMMAND = "memo tasks verify --config examples/libero.yaml --seeds 0-4 --out FILE NAME…; memo suites count FILE"
 _NOTE = (
@@ -25,6 +25,7 @@ def rows_of(files: Sequence[Path]) -> Iterator[dict[str, Any]]:
         try:
             for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), start=1):
                 row = json.loads(line)
+                float(row["measures"][EVER])
                 seen[row["task"], row["seed"]] = row | {"part": _part(row["task"], f"line {number} of {file}")}
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise InvalidArgument("FILE", f"{file} cannot be read ({error})", "a file of memo tasks verify") from None
@@ -60,8 +61,7 @@ def write_table(file: Path, table: dict[str, Any]) -> None:
 
 
 def _row(part: str, rows: Sequence[dict[str, Any]]) -> dict[str, str]:
-    ever = sum(row["reference_why"].startswith((HOLDS, HELD)) for row in rows)
-    end = sum(row["reference_why"].startswith(HOLDS) for row in rows)
+    ever, end = (sum(int(row["measures"][name]) for row in rows) for name in (EVER, AT_END))
     return {
         "part": f"`{part}`",
         "tasks": str(len({row["task"] for row in rows})),

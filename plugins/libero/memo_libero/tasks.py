@@ -21,9 +21,7 @@ from memo_libero.scene import LINKS, LiberoScene, scene_of
 from memo_libero.settings import SuiteSettings
 
 STATES = 50  # initial states of a task
-HOLDS = "LIBERO's goal holds"  # how the reasons of verdicts begin
-HELD = "LIBERO's goal held at some moment and no longer holds"
-NEVER_HELD = "LIBERO's goal never held"
+EVER, AT_END = "held_at_some_moment", "holds_at_the_end"  # measures of a verdict
 _CATALOGUE_S = 180.0
 CATALOGUE = "memo-tasks.json"  # in the suite's environment
 _DESCRIBED = 64  # scenes that are kept described
@@ -67,9 +65,13 @@ class LiberoTask(Task):
         """The suite's own verdict: whether its goal held at some moment, and whether it holds now."""
         now, ever = _judged(world)
         success = ever if self._settings.judge == "ever" else now
-        said = {(True, True): HOLDS, (False, True): HELD, (False, False): NEVER_HELD}
+        said = {
+            (True, True): "LIBERO's goal holds",
+            (False, True): "LIBERO's goal held at some moment and no longer holds",
+            (False, False): "LIBERO's goal never held",
+        }
         told = f"judge {self._settings.judge!r}, instruction from {self._settings.instruction}"
-        measures = {"held_at_some_moment": float(ever), "holds_at_the_end": float(now)}
+        measures = {EVER: float(ever), AT_END: float(now)}
         return Outcome(success, f"{said[now, ever]} ({told})", measures)
 
     @functools.cached_property
