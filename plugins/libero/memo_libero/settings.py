@@ -10,9 +10,9 @@ from attrs.validators import gt
 
 from memo_core.plugin import InvalidArgument, close_match
 
+_VARIANTS = ("", "_lan", "_object", "_swap", "_task")  # LIBERO's own, and LIBERO-PRO's
 PARTS = (
-    *(f"libero_{base}{variant}" for base in ("spatial", "object", "goal", "10") for variant in ("", "_lan", "_object")),
-    *(f"libero_{base}{variant}" for base in ("spatial", "object", "goal", "10") for variant in ("_swap", "_task")),
+    *(f"libero_{base}{variant}" for base in ("spatial", "object", "goal", "10") for variant in _VARIANTS),
     "libero_90",
 )
 CAMERAS = ("agentview", "frontview", "sideview", "birdview", "galleryview", "robotview", "wrist")
