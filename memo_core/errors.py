@@ -90,6 +90,20 @@ class BackendUnavailable(MemoError):
 
 
 @attrs.define(auto_exc=True, eq=False)
+class BackendLost(MemoError):
+    """A backend's process ended or stopped answering in the middle of a run. This ends the run, which has no result;
+    another try may succeed. ``remedy`` says what may be done, if anything is known."""
+
+    kind: str
+    name: str
+    problem: str
+    remedy: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.kind} {self.name!r}: {self.problem}" + (f" ({self.remedy})" if self.remedy else "")
+
+
+@attrs.define(auto_exc=True, eq=False)
 class RobotFault(MemoError):
     """A real robot no longer accepts commands. This ends the program and the run: no code may continue, and MEMO does
     not recover automatically. ``fault`` is an identifier such as ``reflex`` or ``user-stop``; ``remedy`` says what a

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
         provider_model as provider_model,
     )
     from memo_core.errors import (
+        BackendLost as BackendLost,
         BackendUnavailable as BackendUnavailable,
         InvalidArgument as InvalidArgument,
         MemoError as MemoError,
@@ -98,6 +99,7 @@ if TYPE_CHECKING:
     from memo_core.policy.plan_feedback import PLANNING as PLANNING
     from memo_core.policy.results import RunResult as RunResult
     from memo_core.policy.run_context import Session as Session
+    from memo_core.process.peer import Peer as Peer, PeerError as PeerError
     from memo_core.process.signal_safe import Flag as Flag
     from memo_core.process.stop_switch import StopSwitch as StopSwitch, abandonable as abandonable
     from memo_core.process.temporary_folders import scratch_folder as scratch_folder

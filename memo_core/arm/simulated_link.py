@@ -12,8 +12,6 @@ from memo_core.interfaces.simulator import Simulator
 from memo_core.robot.description import GripperDescription, RobotDescription
 from memo_core.scene.pose import Array
 
-_HOLDING_FORCE = 1.5  # N between the fingers that counts as holding
-
 
 class SimulatorLink(Link):
     """Joint-level access to the robot in a built simulator. Its checkpoint holds the simulator's and the targets."""
@@ -47,7 +45,7 @@ class SimulatorLink(Link):
         return self.simulator.gripper_width()
 
     def holding(self) -> bool:
-        return self.simulator.gripper_effort() > _HOLDING_FORCE
+        return self.simulator.gripper_effort() > self.description.gripper.holding_force
 
     def contact_wrench(self) -> Array:
         simulator = self.simulator

@@ -13,5 +13,6 @@ if TYPE_CHECKING:
         progress_bar as progress_bar,
     )
     from memo_core.cli.robot_link import confirmed as confirmed, connected as connected
+    from memo_core.cli.standard_input import agreed as agreed
 
 __all__, __getattr__, __dir__ = lazy_exports(__name__, __file__)

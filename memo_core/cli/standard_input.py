@@ -24,7 +24,18 @@ def answer_to(question: str) -> str:
 
 
 def agreed(question: str) -> bool:
-    """Ask until the answer is yes or no; Enter is no. Raises as ``answer_to``."""
+    """Ask until the answer is yes or no.
+
+    Args:
+        question: what is asked, such as ``Go on? [y/n]``.
+
+    Returns:
+        Whether the answer is yes; Enter is no.
+
+    Raises:
+        Stopped: if the input ends before an answer.
+        InvalidArgument: if standard input is closed.
+    """
     from memo_core.cli.output import note
     from memo_core.teachers.answers import NO, SILENCES, YES, bare
 

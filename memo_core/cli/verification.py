@@ -29,17 +29,22 @@ class VerifiedTrial:
     task: str
     seed: int
     plain: bool = False  # whether the plain attempt is tried too
+    digested: bool = False  # whether the result carries a digest of what it depends on
 
 
 def run_trial(trial: VerifiedTrial) -> dict[str, Any]:
     """Verify one task on one seed (also the entry of a worker process). The result of a trial that robot, simulator or
-    the task's own code could not carry out is an ``error`` (``RunError``) without outcomes."""
+    the task's own code could not carry out is an ``error`` (``RunError``) without outcomes. All that needs the scene is
+    done here, since a scene may be expensive to make."""
     from memo_core.config import load_experiment
+    from memo_core.environment.task_code import scene_of
+    from memo_core.environment.task_environment import generator
     from memo_core.environment.task_verification import verify_task
     from memo_core.plugins.registry import Registry
     from memo_core.runs.factories import environment_of, sandbox_of, task_of
     from memo_core.runs.run_errors import run_error
     from memo_core.runs.sections import SECTIONS
+    from memo_core.teachers.goal_check import unseen_goal
 
     started = time.monotonic()
     # Not ``load``: what it says of plugins and settings has been said once, before the first trial.
@@ -61,12 +66,16 @@ def run_trial(trial: VerifiedTrial) -> dict[str, Any]:
         "seed": trial.seed,
         "reference": found.reference.success,
         "reference_why": found.error or found.reference.reason,
+        "measures": found.reference.measures,
         "null": found.null.success,
         "null_why": found.null.reason,
         "wall_s": time.monotonic() - started,
         "sim_s": found.sim_s,
         "cpu_s": found.cpu_s,
+        "goal_unseen": unseen_goal(task.goal, scene_of(task, generator(trial.seed, "scene"))),
     }
+    if trial.digested:
+        result["digest"] = digest_of(experiment)(trial.task, trial.seed)
     if trial.plain:
         result["plain"] = None if found.plain is None else found.plain.success
         result["plain_why"] = "" if found.plain is None else found.plain.reason
@@ -100,14 +109,19 @@ class TrialLog:
             self._done[key] = result
 
     def known(self, trial: VerifiedTrial) -> dict[str, Any] | None:
-        if not self._done:
+        if (trial.task, trial.seed) not in self._tried:
             return None
         found = self._done.get((trial.task, trial.seed, self._digest(trial.task, trial.seed)))
         return None if found is None or (trial.plain and "plain" not in found) else found
 
+    @property
+    def _tried(self) -> set[tuple[str, int]]:
+        """Task and seed of each line."""
+        return {(task, seed) for task, seed, _ in self._done}
+
     def outdated(self, trials: Iterable[VerifiedTrial]) -> int:
         """How many of the trials the file has, but not as scene, settings and code are now."""
-        tried = {(task, seed) for task, seed, _ in self._done}
+        tried = self._tried
         old = [(one.task, one.seed) for one in trials if (one.task, one.seed) in tried]
         return sum((*one, self._digest(*one)) not in self._done for one in old)
 
@@ -115,7 +129,8 @@ class TrialLog:
         if self._file is None:
             return
         try:
-            append_line(self._file, result | {"digest": self._digest(result["task"], result["seed"])})
+            own = {} if "digest" in result else {"digest": self._digest(result["task"], result["seed"])}
+            append_line(self._file, result | own)
         except OSError as error:
             raise _unusable(self._file, error) from None
 
@@ -240,6 +255,7 @@ def report_of(name: str, results: list[dict[str, Any]]) -> dict[str, Any]:
         "cpu_s": round(busy, 2),
         "real_time_factor": round(simulated / busy, 1) if busy > 0 else None,
         "failures": failures,
+        "goal_unseen": next((r["goal_unseen"] for r in results if r.get("goal_unseen")), []),
     }
 
 

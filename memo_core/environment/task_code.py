@@ -13,14 +13,14 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from memo_core.errors import BackendUnavailable, RobotFault, Stopped, TaskCodeError
+from memo_core.errors import BackendLost, BackendUnavailable, RobotFault, Stopped, TaskCodeError
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.plugins.loading import one_line
 from memo_core.scene.description import SceneDescription
 
 Expected = TypeVar("Expected")
-NOT_THE_AUTHORS = (Stopped, RobotFault, BackendUnavailable, TaskCodeError)
+NOT_THE_AUTHORS = (Stopped, RobotFault, BackendUnavailable, BackendLost, TaskCodeError)
 
 
 def scene_of(task: Task, rng: np.random.Generator) -> SceneDescription:

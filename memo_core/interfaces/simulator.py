@@ -123,6 +123,7 @@ class Simulator(WorldState):
 
     timestep: float = 0.002  # s, physics
     control_period: float = 0.01  # s, one tick
+    any_scene: bool = True  # False: it builds only the scenes that a suite of its own describes (``sample``)
     mechanisms: Mechanisms  # the scene's, made by ``build``; ``tick`` updates them, their memory is in checkpoints
 
     # -- life ------------------------------------------------------------------------------------------------------
@@ -167,6 +168,17 @@ class Simulator(WorldState):
             InvalidArgument: if the scene or the robot cannot be built, or the robot's URDF and description do not fit.
             BackendUnavailable: if the simulator is not open.
         """
+
+    def sample(self) -> tuple[SceneDescription, RobotDescription]:
+        """A scene and a robot that ``build`` takes, for the conformance suite of a simulator without ``any_scene``.
+
+        Returns:
+            One scene of its own suite with at least one camera, and the robot in it.
+
+        Raises:
+            BackendUnavailable: if the simulator is not open.
+        """
+        raise NotImplementedError(f"{type(self).__name__} builds any scene")
 
     # -- the joint-level link ----------------------------------------------------------------------------------------
     @abstractmethod

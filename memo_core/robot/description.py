@@ -54,6 +54,7 @@ class GripperDescription:
     speed: float = 0.1  # m/s, of the opening
     min_force: float = 5.0  # N
     max_force: float = 80.0  # N
+    holding_force: float = 1.5  # N; simulated fingers that press harder hold something
     pad_friction: float = 1.0  # on a surface of the default material (``friction_on``)
     finger_thickness: float = 0.02  # m along the closing axis, outside of the opening
     fingertip_reach: float = 0.01  # m the fingertips extend beyond the tool centre along the approach axis

@@ -11,7 +11,15 @@ from collections.abc import Iterable
 
 import attrs
 
-from memo_core.errors import BackendUnavailable, MemoError, MethodCodeError, RobotFault, Stopped, TaskCodeError
+from memo_core.errors import (
+    BackendLost,
+    BackendUnavailable,
+    MemoError,
+    MethodCodeError,
+    RobotFault,
+    Stopped,
+    TaskCodeError,
+)
 from memo_core.interfaces.llm import LanguageModelError
 from memo_core.llm.budget import BudgetExceeded
 from memo_core.llm.readers import Unreadable
@@ -26,8 +34,8 @@ class RunError:
     """Why a run could not be carried out.
 
     ``cause`` is that of a language model (``LanguageModelError.cause``, or ``llm``), the kind of a backend that cannot
-    be used (``simulator``, ``embedder``, …), ``robot``, ``task``, ``method`` or ``error``. ``persistent``: every other
-    run would fail as well, until a person mends the cause.
+    be used or was lost (``simulator``, ``embedder``, …), ``robot``, ``task``, ``method`` or ``error``.
+    ``persistent``: every other run would fail as well, until a person mends the cause.
     """
 
     cause: str
@@ -67,6 +75,8 @@ def run_error(error: MemoError) -> RunError | None:
         return RunError(error.cause or "llm", str(error), error.persistent)
     if isinstance(error, BackendUnavailable):
         return RunError(error.kind, str(error), persistent=True)
+    if isinstance(error, BackendLost):
+        return RunError(error.kind, str(error))
     if isinstance(error, RobotFault):
         return RunError("robot", str(error), persistent=True)
     return RunError(_CAUSES.get(type(error), "error"), str(error))

@@ -25,8 +25,12 @@ def check_scene(scene: SceneDescription) -> None:
         InvalidArgument: if the name of a body, joint or camera is not unique or is reserved (``world``, ``floor``,
             ``robot/…``), a moving body has no geoms, an attached body moves freely, a geom's size does not fit its
             shape, a joint has no axis, an empty range or a start outside its range, or a latch names an unknown joint
-            or has no width or effort.
+            or has no width or effort; and for a scene that another simulator alone can build (``only_in``).
     """
+    if scene.only_in:
+        raise InvalidArgument(
+            "simulator.backend", "cannot build this scene, which comes with a simulator", scene.only_in
+        )
     _check_names(scene)
     for body, parent in scene.walk():
         where = f"scene body {body.name!r}"

@@ -187,6 +187,7 @@ class SceneDescription:
     table_height: float = 0.0
     label: str = "table"  # how a person would name the scene; entries carry it
     gravity: float = 9.81  # m/s2
+    only_in: str = ""  # the simulator that alone can build it, with the robot it needs, as settings; "": any
 
     def walk(self) -> Iterator[tuple[Body, Body | None]]:
         """Every body with its parent, parents first."""
