@@ -112,7 +112,7 @@ class RunSettings:
         default="auto",
         metadata={
             "help": "real-time: a simulator moves no faster than the clock on the wall; auto: where a person follows "
-            "the motion (a teacher at a terminal or in a browser); off: as fast as the machine can"
+            "the motion (a teacher at a terminal); off: as fast as the machine can"
         },
     )
     video: Literal["auto", "off"] = attrs.field(

@@ -16,14 +16,7 @@ import yaml
 
 from memo_core.evaluation.settings import EMPTY
 from memo_core.report.findings import Findings
-from memo_core.report.statistics import (
-    Interval,
-    Outcomes,
-    difference,
-    interval,
-    probability_of_improvement,
-    wilson,
-)
+from memo_core.report.statistics import Interval, Outcomes, difference, interval, probability_of_improvement, wilson
 from memo_core.skillbook.model.entries import KINDS
 
 NOT_ABLE = "–"  # cell of a method that declares to have no skillbook, or to take no feedback

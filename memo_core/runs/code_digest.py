@@ -13,6 +13,7 @@ from typing import Any
 from memo_core.config import Choice, Experiment
 from memo_core.errors import MemoError
 from memo_core.interfaces.backend import KINDS
+from memo_core.runs.factories import models_of
 
 # Kinds of backends that decide how robot code fares which no model writes.
 WITHOUT_MODEL = ("suite", "simulator", "robot", "robot_driver", "gripper_driver", "perception", "skills")
@@ -36,7 +37,7 @@ def _choices(experiment: Experiment, kind: str) -> tuple[Choice, ...]:
     if kind == "skills":
         return experiment.skills
     try:
-        return (experiment.choice(kind),)
+        return models_of(experiment) if kind == "llm" else (experiment.choice(kind),)
     except MemoError:
         return ()  # said when it is made
 

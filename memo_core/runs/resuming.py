@@ -17,7 +17,7 @@ from memo_core.runs.folder import flat, nested
 from memo_core.skillbook.book import Skillbook
 
 # What may be another in a later part: limits that were reached, what is filmed, how fast it is shown.
-# Limits, and how a model is reached: what mends a run that could not be carried out.
+# Limits, and how a model is reached, also that of perception: what mends a run that could not be carried out.
 MAY_DIFFER = (
     "run.max_",
     "run.study_",
@@ -79,7 +79,7 @@ def check_config(folder: Path, now: Mapping[str, Any]) -> None:
         raise InvalidArgument("--resume", f"{file}: {problem}", "the folder of a run") from None
     after = flat(nested(dict(now)))
     differ = [key for key in sorted(before) if before[key] != after.get(key)]
-    differ = [key for key in differ if not key.startswith(MAY_DIFFER)]
+    differ = [key for key in differ if not key.removeprefix("perception.").startswith(MAY_DIFFER)]
     if differ:
         told = "; ".join(f"{key} was {before.get(key)!r}, is {after.get(key)!r}" for key in differ[:5])
         more = f" (and {len(differ) - 5} more)" if len(differ) > 5 else ""

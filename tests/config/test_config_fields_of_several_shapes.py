@@ -27,3 +27,7 @@ def test_a_mistake_in_a_section_and_in_a_list_of_sections_is_told_where_it_is(tm
 def test_a_word_in_a_list_of_detectors_that_is_none_is_told_with_the_nearest(tmp_path):
     assert "'points'" in problems(tmp_path, "detector: [pints, tags]")["perception.detector"].problem
     assert "different names" in problems(tmp_path, "source: [realsense, realsense]")["perception.source"].problem
+
+
+def test_an_empty_list_of_sections_is_refused_since_it_would_see_nothing(tmp_path):
+    assert "no source" in problems(tmp_path, "simulated: []")["perception.simulated"].problem

@@ -317,6 +317,8 @@ def events_of(folder: Path) -> list[dict]:
     for line in lines:
         for name in ("time", "run", "config", "wall_s"):
             line.pop(name, None)
+        if line["event"] == "ModelAsked":
+            line.pop("model")  # the recording is asked
     return lines
 
 

@@ -12,6 +12,7 @@ from memo_core.config import ConfigErrors, load_experiment
 from memo_core.plugins.registry import Registry
 from memo_core.runlog.log_file import read_lines
 from memo_core.runlog.log_history import read_history
+from memo_core.runs.code_digest import WITHOUT_MODEL, code_digest
 from memo_core.runs.record_replay import recorded, replayed
 from memo_core.runs.run import resume_experiment, run_experiment
 from memo_core.runs.sections import SECTIONS
@@ -82,13 +83,23 @@ def test_a_resumed_run_neither_asks_about_a_look_again_nor_forgets_its_cost(regi
         before = len(eyes.asked)
         assert report.resumable and report.error is not None and before
         refused.clear()
-        resumed = resume_experiment(experiment, registry, report.folder)
+        mended = load(registry, tmp_path, planner.base, eyes.base, "perception.llm.timeout_s=60")
+        resumed = resume_experiment(mended, registry, report.folder)
         after = len(eyes.asked)
     asides = [one for one in read_history(report.folder, read_lines(report.folder).records).effects if one.aside]
     assert not resumed.problem and after == before
     assert sum(not one.value.get("kept") for one in asides) == before
     assert resumed.calls - report.calls == len(planner.asked) - 1
     assert resumed.prompt_tokens > report.prompt_tokens
+
+
+def test_code_of_its_backend_counts_as_code_of_the_experiment(registry):
+    plain = load_experiment(registry, None, EYES, SECTIONS, TASK, 0)
+    own = load_experiment(
+        registry, None, [*EYES, "perception.llm.backend=litellm", "perception.llm.model=openai/sees"], SECTIONS
+    )
+    assert code_digest(own) != code_digest(plain)
+    assert code_digest(own, WITHOUT_MODEL) == code_digest(plain, WITHOUT_MODEL)
 
 
 def test_mistakes_in_it_are_told_with_file_and_line(registry, tmp_path):

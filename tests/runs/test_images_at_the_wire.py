@@ -73,6 +73,10 @@ def test_with_a_perception_that_takes_no_pictures_the_scenes_cameras_do(registry
 
 
 def test_for_a_model_that_reads_text_only_no_picture_is_taken(registry, tmp_path):
-    report = run_experiment(load(registry, tmp_path), registry, tmp_path / "runs")
+    file = tmp_path / "calls.jsonl"
+    report = run_experiment(recorded(load(registry, tmp_path), registry, file), registry, tmp_path / "runs")
     assert not report.problem and report.calls
     assert not (report.folder / "pictures").exists()
+    again = run_experiment(replayed(load(registry, tmp_path), registry, file), registry, tmp_path / "runs")
+    assert not again.problem and again.calls == report.calls
+    assert not (again.folder / "pictures").exists()

@@ -14,6 +14,8 @@ from memo_llm.replay.matching import Answers, Match
 from memo_llm.replay.recording import Call, RecordingFile, read_recording
 from memo_llm.replay.settings import ReplaySettings
 
+_WITH_PICTURES = ("plan", "code")  # phases whose prompts have pictures with policy.images
+
 
 def replay(settings: ReplaySettings) -> LanguageModel:
     """The recorder or player that the settings ask for, unopened."""
@@ -84,12 +86,22 @@ class Player(LanguageModel):
         self._answers: Answers | None = None
         self._lock = threading.Lock()
 
+    @property
+    def sees(self) -> bool:  # type: ignore[override]
+        """Whether the recorded plan and code prompts have pictures, or there are none. Raises ``BadRecording``."""
+        asked = [call.request for call in self._read().calls if call.request.phase in _WITH_PICTURES]
+        return not asked or any(message.images for request in asked for message in request.messages)
+
     def open(self) -> None:
         """Raises ``BadRecording``. Reopened, it continues where it was, since one recording may contain several
         runs."""
+        self._read()
+
+    def _read(self) -> Answers:
         with self._lock:
             if self._answers is None:
                 self._answers = Answers(read_recording(Path(self._settings.file)))
+            return self._answers
 
     def close(self) -> None: ...
 

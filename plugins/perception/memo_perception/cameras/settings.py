@@ -182,6 +182,11 @@ def _words(stages: Mapping[str, Stage]) -> Callable[[object, attrs.Attribute[Any
     return check
 
 
+def _not_empty(_: object, field: attrs.Attribute[Any], value: object) -> None:
+    if value == ():
+        raise InvalidArgument(f"perception.{field.name}", "no source", "its section, or a list of one or more")
+
+
 @attrs.frozen
 class CamerasSettings:
     """Settings of the ``cameras`` backend."""
@@ -206,7 +211,9 @@ class CamerasSettings:
         default=(), metadata={"help": "what may be on the table; empty: what the task's scene lists"}
     )
     simulated: SimulatedSettings | tuple[SimulatedSettings, ...] = attrs.field(
-        default=SimulatedSettings(), metadata={"help": "its section; or a list of sections, a source each"}
+        default=SimulatedSettings(),
+        validator=_not_empty,
+        metadata={"help": "its section; or a list of sections, a source each"},
     )
     folder: FolderSettings = FolderSettings()
     inventory: InventorySettings = InventorySettings()
