@@ -119,13 +119,23 @@ def _read(folder: Path) -> Evaluation:
     if not (evaluation / CONFIG).exists():
         expected = "the --out of memo evaluate or memo reproduce"
         raise InvalidArgument("--compare", f"{folder} holds no evaluation", expected)
-    settings = yaml.safe_load((evaluation / CONFIG).read_text(encoding="utf-8"))
+    settings, suite = _settings(evaluation / CONFIG)
     rows = [row for row in read_table(evaluation) if not row["ablation"]]
     if not rows:
         problem = f"no trial of the evaluation in {folder} is over"
         raise InvalidArgument("--compare", problem, "memo evaluate first, which goes on with it")
-    suite, errors = str(settings["suite"]["backend"]), len(read_table(evaluation, ERRORS))
+    errors = len(read_table(evaluation, ERRORS))
     return Evaluation(folder, _settings_by_path(settings, evaluation), suite, made_with(settings), rows, errors)
+
+
+def _settings(file: Path) -> tuple[dict[str, Any], str]:
+    """The settings of an evaluation, and its suite."""
+    try:
+        settings = yaml.safe_load(file.read_text(encoding="utf-8"))
+        return settings, str(settings["suite"]["backend"])
+    except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError) as error:
+        problem = f"{file} cannot be read ({type(error).__name__})"
+        raise InvalidArgument("--compare", problem, "the file as memo evaluate wrote it") from None
 
 
 def _settings_by_path(settings: dict[str, Any], evaluation: Path) -> dict[str, Any]:

@@ -24,6 +24,7 @@ from memo_core.events import (
 )
 
 THINKING = {
+    "look": "looking at the scene",
     "plan": "thinking about what to do next",
     "code": "writing a program",
     "feedback": "making notes of your words",

@@ -101,6 +101,12 @@ def test_what_cannot_be_compared_is_refused(two, tmp_path):
     rewritten(b, [])
     with pytest.raises(InvalidArgument, match=r"no trial of the evaluation in .*b is over"):
         compare(a, b)
+    for damaged in ("[", "", "seed: 0"):
+        (b / "evaluation" / "config.yaml").write_text(damaged)
+        with pytest.raises(
+            InvalidArgument, match=r"b/evaluation/config.yaml cannot be read .*as memo evaluate wrote it"
+        ):
+            compare(a, b)
 
 
 def test_the_command_shows_both_and_prints_json(two, capsys):

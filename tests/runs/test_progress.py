@@ -47,6 +47,7 @@ def test_a_resumed_run_is_where_it_was():
 def test_thinking_and_moving_are_activities_until_they_end():
     assert after(*BEGUN, ModelAsked("code", "m")).activity == "writing a program"
     assert after(*BEGUN, ModelAsked("code", "m"), answered()).activity == ""
+    assert after(*BEGUN, ModelAsked("look", "m")).activity == "looking at the scene", "with a model of perception"
     moving = after(*BEGUN, SkillStarted("close_gripper", 7, "close_gripper()"))
     assert moving.activity == "line 7: close_gripper()"
     assert after(*BEGUN, SkillStarted("move_to", 9, "lift(0.1)")).activity == "line 9: move_to, by lift(0.1)"
