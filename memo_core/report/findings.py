@@ -86,6 +86,13 @@ class Findings:
         most = max((row["hours"] for row in rows if row["hours"] is not None), default=None)
         return [row for row in rows if row["hours"] == most]
 
+    def compared(self, method: str, mode: str = "zero-shot") -> list[dict[str, Any]]:
+        """Rows that stand for a method beside others: with its largest book, or with the only one that it was given."""
+        given = {row["given"] for row in self.chosen(method=method, mode=mode, ablation="")}
+        if "" in given or len(given) > 1:
+            return self.largest(method, mode)
+        return self.chosen(method=method, mode=mode, ablation="")
+
 
 def gather(registry: Any, folder: Path) -> Findings:
     """Read an experiment's folder; a part that was not done yet is empty. Raises ``InvalidArgument`` where there is

@@ -195,6 +195,23 @@ def test_a_real_robot_is_named_in_place_of_the_simulator(tmp_path):
     assert list(itertools.chain(findings.method_settings)) == ["policy"]
 
 
+def test_a_method_that_only_one_book_was_given_stands_beside_the_others(tmp_path):
+    folder = experiment(tmp_path, {"policy": (0, 0, 1)})
+    table = folder / "evaluation" / "trials.jsonl"
+    given = [
+        trial("memo", task, scene, True) | {"given": "empty", "attempts": 1, "robot_s": 9.0}
+        for task in ("oven", "can")
+        for scene in range(3)
+    ]
+    policy = [line for line in table.read_text().splitlines() if json.loads(line)["method"] == "policy"]
+    table.write_text("".join(line + "\n" for line in (*map(json.dumps, given), *policy)))
+    write_report(Registry(), folder)
+    [memo, other] = cells(folder, "table-2-success")
+    assert memo["hours"] == "empty" and memo["success zero-shot"].startswith("100 %") and other["hours"] == "–"
+    by_task = {row["task"]: row for row in cells(folder, "figure-5-tasks")}
+    assert by_task["oven"]["memo"].startswith("100 %") and by_task["oven"]["policy"].startswith("33 %")
+
+
 def test_the_model_that_looks_is_named_beside_the_one_that_plans():
     settings = {
         "llm": {"backend": "offline"},
