@@ -20,7 +20,7 @@ from memo_core.errors import InvalidArgument
 from memo_core.plugins.registry import Registry
 from memo_core.runlog.whole_files import write_whole
 from memo_core.runs.consolidation import after_run, in_background
-from memo_core.runs.factories import environment_of, task_of
+from memo_core.runs.factories import environment_of, models_of, task_of
 from memo_core.runs.folder import nested
 from memo_core.runs.resuming import check_config
 from memo_core.study.consent import Consent, check_for_people, read_consent
@@ -84,6 +84,8 @@ def check(load: Load, experiment: Experiment) -> Consent:
     after_run(experiment)  # refuses a method that does not cluster
     in_background(experiment, BOOK)  # and this a real robot
     environment_of(experiment, task_of(experiment, names[0]), experiment.seed)  # refuses a real robot
+    for model in models_of(experiment):
+        model.create()  # refuses one whose key or library is missing, before anybody is asked anything
     consent = read_consent(settings.consent)
     people = [
         one.id for one in participants_of(settings) if not teacher_of(load, one, None, 0, settings.lessons).simulated

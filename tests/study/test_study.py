@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 from memo_core.config import load_experiment
-from memo_core.errors import InvalidArgument
+from memo_core.errors import BackendUnavailable, InvalidArgument
 from memo_core.evaluation.evaluating import unread
 from memo_core.evaluation.sections import ALL_SECTIONS
 from memo_core.plugins.registry import Registry
@@ -158,8 +158,16 @@ def test_a_setting_that_contradicts_a_study_is_refused_before_it_begins(tmp_path
         opened(tmp_path, "refused", f"{FILE}{section}\n")
 
 
+def test_a_model_without_its_key_is_refused_before_anybody_is_asked(tmp_path, monkeypatch):
+    monkeypatch.delenv("NO_KEY_HERE", raising=False)
+    text = FILE.replace("llm: offline", "llm: {backend: litellm, model: openai/x, api_key_env: NO_KEY_HERE}")
+    with pytest.raises(BackendUnavailable, match="NO_KEY_HERE"):
+        opened(tmp_path, "keyless", text)
+
+
 def test_a_setting_that_a_study_or_an_evaluation_decides_otherwise_is_named_with_its_line(tmp_path):
-    set_by_hand = "teacher: silent\nmethod: memo\nskillbook: {url: mine.db, cluster: after-run}\n"
+    compared = "evaluation: {methods: [memo-c]}\n"
+    set_by_hand = compared + "teacher: silent\nmethod: memo\nskillbook: {url: mine.db, cluster: after-run}\n"
     file = tmp_path / "study.yaml"
     file.write_text(FILE + set_by_hand)
     experiment = load_experiment(Registry(), file, (), ALL_SECTIONS)

@@ -35,7 +35,7 @@ def memo_perceptions() -> list[Backend]:
         Backend(
             kind="perception",
             name="cameras",
-            summary="RGB-D pictures: source, detector and geometry, each by one word",
+            summary="RGB-D pictures: sources, detectors and geometry, each by name",
             factory=_cameras,
             config=CamerasSettings,
             needs=Needs(modules={"cv2": "opencv-python-headless", "scipy": "scipy"}),
