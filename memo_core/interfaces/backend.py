@@ -126,3 +126,4 @@ class Backend:
     memory: Memory = NO_MEMORY  # of a method: evaluations give it a skillbook if it has any
     takes_feedback: bool = False  # of a method: whether a person can correct it while it works
     default: bool = False  # taken when a config names no backend of this kind and several are installed
+    own_world: bool = False  # of a simulator, robot or suite that work with each other only: taken where named

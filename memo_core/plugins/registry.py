@@ -184,14 +184,15 @@ class Registry:
             kind: one of ``KINDS``.
 
         Returns:
-            The only backend of its kind, or the only one declared ``default``.
+            The only backend of its kind, or the only one declared ``default``; of those without a world of their own.
 
         Raises:
             UnknownName: if there is no such kind.
             NoDefaultBackend: if no backend, or more than one, qualifies.
             AmbiguousBackend: instead, if two plugins declare the same name of this kind, which might be the default.
         """
-        candidates, contested = self.backends(kind), self._contested(kind)
+        candidates = tuple(backend for backend in self.backends(kind) if not backend.own_world)
+        contested = self._contested(kind)
         only = len(candidates) == 1 and not contested
         chosen = candidates if only else tuple(backend for backend in candidates if backend.default)
         if len(chosen) == 1 and not any(backend.default for _, backend in contested):

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from memo_core.cli.app import run_app
-from memo_core.errors import UnknownName
+from memo_core.config.errors import ConfigErrors
 from memo_core.evaluation.table import VARYING, read_table
 
 pytestmark = [pytest.mark.sim, pytest.mark.slow]
@@ -126,6 +126,6 @@ def test_interrupted_while_teaching_and_killed_while_evaluating_it_comes_to_the_
 
 
 def test_a_method_that_does_not_exist_is_named_before_anybody_teaches(tmp_path):
-    with pytest.raises(UnknownName, match="did you mean 'memo-"):
+    with pytest.raises(ConfigErrors, match="did you mean 'memo-"):
         reproduce(tmp_path, "-s", "evaluation.methods=[memo, memo-x]")
     assert not [*tmp_path.rglob("journal.jsonl")]

@@ -6,6 +6,8 @@ import pytest
 
 from memo_core.cli.options import load
 from memo_core.cli.run import _say_of_the_teacher
+from memo_core.environment.task_verification import Verified
+from memo_core.interfaces.task import Outcome
 
 
 @pytest.fixture
@@ -34,16 +36,8 @@ def test_nothing_is_said_of_another_teacher_or_a_goal_that_can_be_seen(settings,
 def test_verifying_says_whether_the_goal_can_be_seen(monkeypatch, capsys, blind_goal):
     from memo_core.cli.main import main
 
-    result = {
-        "task": "open-the-fridge",
-        "seed": 0,
-        "reference": True,
-        "reference_why": "",
-        "null": False,
-        "null_why": "",
-    }
-    result |= {"wall_s": 1.0, "sim_s": 1.0, "cpu_s": 1.0}
-    monkeypatch.setattr("memo_core.cli.verification.run_trial", lambda trial: result)
+    verified = Verified("open-the-fridge", 0, Outcome(True, "open"), Outcome(False, "shut"))
+    monkeypatch.setattr("memo_core.environment.task_verification.verify_task", lambda *given: [verified])
     with pytest.raises(SystemExit, match="0"):
         main(["tasks", "verify", "open-the-fridge", "--seeds", "0"])
     said = capsys.readouterr().err

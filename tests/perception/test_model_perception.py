@@ -10,7 +10,7 @@ from memo_llm.replay.model import Recorder
 
 from memo_core.cli.app import run_app
 from memo_core.config import load_experiment
-from memo_core.events import ModelCalled
+from memo_core.events import ModelAsked, ModelCalled
 from memo_core.interfaces.llm import Message, Request
 from memo_core.llm.budget import Budget, BudgetExceeded, Limit
 from memo_core.plugins.registry import Registry
@@ -33,7 +33,8 @@ def test_what_is_asked_in_a_look_counts_against_the_budget():
     ask = asking(model, StopSwitch(), events.append, budget, RunSettings())
     question = Request("look", (Message("user", "what is there to be seen?"),))
     assert ask(question).text == ANSWER
-    assert [type(event) for event in events] == [ModelCalled] and events[0].phase == "look"
+    assert [type(event) for event in events] == [ModelAsked, ModelCalled]
+    assert {event.phase for event in events} == {"look"}
     assert budget.spent.calls == 1 and budget.spent.prompt_tokens == 6
     with pytest.raises(BudgetExceeded):
         ask(question)

@@ -16,11 +16,17 @@ def env_id(task: str) -> str:
 
 
 def register_tasks() -> tuple[str, ...]:
-    """Register an environment for each task of each installed suite; returns the ids. Of two tasks with one name the
-    first suite's is registered, by the suites' names; ``suite=…`` makes the other."""
+    """Register an environment for each task of each installed suite whose scenes any simulator builds.
+
+    Returns:
+        The ids. Of two tasks with one name the first suite's is registered, by the suites' names; ``suite=…`` makes the
+        other.
+    """
     ids: dict[str, None] = {}
     registry = memo_core.registry()
     for suite in registry.backends("suite"):
+        if suite.own_world:
+            continue
         for task in suite.factory(suite.config()):
             name = env_id(task.name)
             if name in ids:

@@ -35,6 +35,7 @@ def memo_simulators() -> list[Backend]:
             "LIBERO's own simulator in a process of its own; builds only LIBERO's scenes",
             _simulator,
             SimulatorSettings,
+            own_world=True,
         )
     ]
 
@@ -48,10 +49,12 @@ def memo_task_suites() -> list[Backend]:
             "LIBERO and LIBERO-PRO, judged by themselves; needs `memo suites install libero`",
             _suite,
             SuiteSettings,
+            own_world=True,
         )
     ]
 
 
 @hookimpl
 def memo_robots() -> list[Backend]:
-    return [Backend("robot", "libero-panda", "the Panda of LIBERO's scenes, with their hand and inertias", _robot)]
+    summary = "the Panda of LIBERO's scenes, with their hand and inertias"
+    return [Backend("robot", "libero-panda", summary, _robot, own_world=True)]
