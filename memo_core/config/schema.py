@@ -15,7 +15,7 @@ import attrs
 from memo_core.config.experiment import DRIVERS, SINGLE_KINDS, Choice, plain, task_names
 from memo_core.config.fields import field_types, key_of
 from memo_core.config.layers import preset_sections, presets
-from memo_core.errors import MemoError
+from memo_core.errors import BackendUnavailable, MemoError
 from memo_core.interfaces.backend import Backend
 from memo_core.plugins.registry import Registry
 
@@ -53,13 +53,15 @@ def experiment_schema(registry: Registry, sections: Mapping[str, type]) -> dict[
 
 
 def _tasks(registry: Registry) -> dict[str, Any]:
-    """The tasks of all suites; any text too, where one of them does not tell its tasks without settings."""
+    """The tasks of all suites that work here; any text too, where one does not tell its tasks without settings."""
     names: list[str] = []
     complete = True
     for suite in registry.backends("suite"):
         try:
             names += task_names(Choice(suite, suite.config()))
-        except (MemoError, TypeError):  # what it needs is not installed, or settings have no defaults
+        except BackendUnavailable:
+            continue  # none of its tasks can be run
+        except (MemoError, TypeError):  # settings have no defaults
             complete = False
     options: list[dict[str, Any]] = [{"enum": sorted(set(names))}] if names else []
     return {"anyOf": [*options, dict(INTERPOLATION)] if complete and names else [*options, {"type": "string"}]}
