@@ -11,14 +11,13 @@ import msgpack
 import numpy as np
 import pytest
 from memo_vla.double.server import PolicyServer
-from memo_vla.errors import PolicyServerError
 from memo_vla.method import Vla
 from memo_vla.settings import VlaSettings
 from memo_vla.wire import pack, unpack
 from websockets.sync.server import serve
 
 import memo_core
-from memo_core.errors import BackendUnavailable, Stopped
+from memo_core.errors import BackendLost, BackendUnavailable, Stopped
 from memo_core.policy.person import Person
 from memo_core.policy.run_context import Session
 from memo_core.policy.settings import RunSettings
@@ -144,7 +143,7 @@ def assert_at_rest(world):
 def test_a_server_that(name, session, world):
     fault, said = FAULTS[name]
     start = world.link.joint_positions()
-    with faulty(fault) as url, pytest.raises(PolicyServerError) as raised:
+    with faulty(fault) as url, pytest.raises(BackendLost) as raised:
         Vla(settings_for(url)).run(session)
     assert said in str(raised.value) and url in str(raised.value) and "\n" not in str(raised.value)
     assert np.abs(world.link.joint_positions() - start).max() > 0.05  # it had moved, and

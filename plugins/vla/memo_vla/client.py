@@ -14,8 +14,7 @@ from typing import Any, Self, TypeVar
 import attrs
 import numpy as np
 
-from memo_core.plugin import Array, BackendUnavailable, StopSwitch, abandonable
-from memo_vla.errors import PolicyServerError
+from memo_core.plugin import Array, BackendLost, BackendUnavailable, StopSwitch, abandonable
 from memo_vla.settings import VlaSettings
 from memo_vla.wire import WireError, pack, unpack
 
@@ -48,7 +47,7 @@ class PolicyClient:
         self.facts: dict[Any, Any] = {}  # what the server said of its policy
 
     def __enter__(self) -> Self:
-        """Connect. Raises ``BackendUnavailable`` where nothing answers, ``PolicyServerError``, ``Stopped``."""
+        """Connect. Raises ``BackendUnavailable`` where nothing answers, ``BackendLost``, ``Stopped``."""
         self._socket = self._wait("connecting to the policy server", self._connected)
         try:
             facts = self._received("its first message")
@@ -81,7 +80,7 @@ class PolicyClient:
             The actions, all finite.
 
         Raises:
-            PolicyServerError: for a server that stalls, leaves, reports an error, or answers anything else.
+            BackendLost: for a server that stalls, leaves, reports an error, or answers anything else.
             Stopped: if the stop is pressed meanwhile.
         """
         frame, started = pack(observation), time.monotonic()
@@ -154,8 +153,8 @@ class PolicyClient:
         if hasattr(result, "close_socket"):
             _drop(result)
 
-    def _error(self, problem: str, remedy: str) -> PolicyServerError:
-        return PolicyServerError(self._settings.url, problem, remedy)
+    def _error(self, problem: str, remedy: str) -> BackendLost:
+        return BackendLost("policy server", self._settings.url, problem, remedy)
 
 
 def _drop(socket: Any) -> None:

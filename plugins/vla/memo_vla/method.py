@@ -41,7 +41,7 @@ class Vla(Method):
 
         Raises:
             BackendUnavailable: if no policy server answers.
-            PolicyServerError: if it fails later; the arm is at rest.
+            BackendLost: if it fails later; the arm is at rest.
             Stopped: if the stop is pressed; the arm is at rest.
         """
         session.stop.check("asking the policy server")
