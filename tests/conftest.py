@@ -6,6 +6,7 @@ import contextlib
 import os
 import signal
 import sys
+import threading
 from collections.abc import Iterator
 
 import pytest
@@ -21,6 +22,8 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 SLOWER = ("sim", "process", "wire")
 _STARTS = {"subprocess.Popen": "process", "os.posix_spawn": "process", "os.fork": "process", "socket.connect": "wire"}
+_REQUESTS = ("memo-embedding", "memo-litellm")  # the threads of requests to models
+_LONGEST_REQUEST_S = 60.0
 _forbidden = False
 
 
@@ -53,6 +56,16 @@ def _refuse(event: str, arguments: tuple[object, ...]) -> None:
 
 
 sys.addaudithook(_refuse)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown() -> Iterator[None]:
+    """Wait until the requests that a test gave up have ended: their threads would go on in the tests after it."""
+    yield
+    for thread in threading.enumerate():
+        if thread.name in _REQUESTS:
+            thread.join(_LONGEST_REQUEST_S)
+            assert not thread.is_alive(), f"a request in {thread.name} goes on after its test"
 
 
 @pytest.fixture
