@@ -8,25 +8,37 @@ EXTRAS_vectorstore := [chroma]
 # franky-control has wheels for this platform only.
 EXTRAS_franka := $(if $(filter Linux-x86_64,$(shell uname -s)-$(shell uname -m)),[hardware])
 STAMP := $(VENV)/.set-up
+# A part of the whole set-up, for whoever only wants to see the demo.
+DEMO_STAMP := $(VENV)/.set-up-demo
+DEMO_PLUGINS := $(addprefix plugins/,embedder franka llm offline perception sim_mujoco tabletop vectorstore)
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+REQUIREMENTS := Makefile pyproject.toml constraints.txt benchmarks/pyproject.toml $(addsuffix /pyproject.toml,$(PLUGINS))
 
 .PHONY: setup demo test test-fast lint docs lock release-check clean
 
 setup: $(STAMP)
 
-$(STAMP): pyproject.toml constraints.txt benchmarks/pyproject.toml $(addsuffix /pyproject.toml,$(PLUGINS))
+$(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || \
 		{ echo "MEMO needs Python 3.11 or newer; $(PYTHON) is not. Try: make PYTHON=/path/to/python3.11 $(MAKECMDGOALS)" >&2; exit 1; }
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || \
 		{ echo "$(PYTHON) cannot make virtual environments; install its venv package (Debian, Ubuntu: python3-venv)" >&2; exit 1; }
-	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(PYTHON) -m venv $(VENV)
+
+$(STAMP): $(REQUIREMENTS) | $(VENV)/bin/python
 	$(if $(LOCKED),$(PIP) --require-hashes --no-deps --requirement requirements.lock)
 	$(PIP) $(if $(LOCKED),--no-build-isolation) --constraint constraints.txt \
 		--editable '.[arm,xacro,video,experiment,ray,postgres,docs,dev]' --editable ./benchmarks $(foreach p,$(PLUGINS),--editable './$(p)$(EXTRAS_$(notdir $(p)))')
 	@touch $@
 	@$(BIN)/memo doctor || true  # also exports the sentence model, which would otherwise be the first run's wait
 
-demo: setup
+$(DEMO_STAMP): $(REQUIREMENTS) | $(VENV)/bin/python
+	$(PIP) --constraint constraints.txt --editable '.[arm,video]' $(foreach p,$(DEMO_PLUGINS),--editable ./$(p))
+	@touch $@
+	@$(BIN)/memo doctor || true
+
+# Where everything has been set up before, the demo uses that.
+demo: $(if $(wildcard $(STAMP)),$(STAMP),$(DEMO_STAMP))
 	$(BIN)/memo demo
 
 test: setup

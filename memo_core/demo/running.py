@@ -44,7 +44,8 @@ def run_demo(
     if suite.demo is None:
         raise InvalidArgument("suite.backend", f"{suite.name!r} offers no demo", "a suite that declares one")
     demo, started = suite.demo, time.monotonic()
-    task_of(experiment, demo.taught), task_of(experiment, demo.transfer)
+    for name in (demo.taught, demo.transfer):
+        environment_of(experiment, task_of(experiment, name), experiment.seed)  # refuses what no run could begin with
     folder = new_run_folder(out, "demo", experiment.seed)
     lesson = f"sqlite:///{folder / 'skillbook.db'}"
     llm, runs = experiment.create("llm"), dict[str, RunReport]()
