@@ -109,7 +109,9 @@ def test_tables_of_measured_figures_are_those_of_their_files():
 
 def test_every_file_of_measured_figures_is_shown():
     shown = {
-        name for page in tables().pages() for name in re.findall(r"<!-- table: (\S+) -->", page.read_text("utf-8"))
+        name
+        for page in tables().pages()
+        for name in re.findall(r"<!-- table: (results/\S+) -->", page.read_text("utf-8"))
     }
     assert shown == {f"results/{path.name}" for path in (ROOT / "results").glob("*.json")}
 

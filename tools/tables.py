@@ -1,4 +1,5 @@
-"""The documentation's tables of measured figures, written from ``results/*.json``, and of presets, from the settings.
+"""The documentation's tables of measured figures, written from ``results/*.json``, of presets, from the
+settings, and of the faults that ``memo doctor`` recognises.
 
 A page marks each table with two comments, and what stands between them is written from the file or the settings::
 
@@ -6,6 +7,9 @@ A page marks each table with two comments, and what stands between them is writt
     <!-- /table -->
 
     <!-- table: preset paper -->
+    <!-- /table -->
+
+    <!-- table: faults -->
     <!-- /table -->
 
 A file holds ``{"command": ..., "note": ..., "rows": [{heading: cell, ...}, ...]}``; every row has the same headings.
@@ -69,17 +73,28 @@ def preset_markdown(name: str) -> str:
     return f"\n{_grid(COLUMNS, settings)}\n{departures}\n`memo config preset {name}`\n\n"
 
 
+def faults_markdown() -> str:
+    """The markdown table of the faults that ``memo doctor`` recognises."""
+    from memo_core.cli.faults import FAULTS
+
+    rows = [[f"`{name}`", fault.sign, fault.cause, fault.remedy] for name, fault in FAULTS.items()]
+    return f"\n{_grid(['fault', 'what you see', 'cause', 'remedy'], rows)}\n"
+
+
 def _grid(headings: Sequence[object], lines: Sequence[Sequence[object]]) -> str:
     every = [headings, ["---"] * len(headings), *lines]
     return "".join(f"| {' | '.join(str(cell) for cell in line)} |\n" for line in every)
 
 
 def with_tables(text: str, root: Path = ROOT) -> str:
-    """A page's text with its tables written from the result files. Raises ``TableError``."""
+    """A page's text with its generated tables written anew. Raises ``TableError``."""
 
     def written(found: re.Match[str]) -> str:
         kind, _, name = found[1].partition(" ")
-        table = preset_markdown(name) if kind == "preset" else markdown(root / found[1])
+        if kind == "preset":
+            table = preset_markdown(name)
+        else:
+            table = faults_markdown() if kind == "faults" else markdown(root / found[1])
         return f"<!-- table: {found[1]} -->\n{table}<!-- /table -->"
 
     return _TABLE.sub(written, text)

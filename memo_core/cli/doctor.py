@@ -6,16 +6,20 @@ import importlib.metadata
 import importlib.util
 import os
 import platform
+import shutil
 import sys
 import tempfile
 import time
+import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
+from urllib.parse import urlsplit
 
 import attrs
 import typer
 
+from memo_core.cli.faults import FAULTS
 from memo_core.cli.options import Json
 from memo_core.cli.output import print_json
 from memo_core.errors import MemoError
@@ -24,15 +28,18 @@ from memo_core.plugins.installing import install
 if TYPE_CHECKING:
     from memo_core.plugins.registry import Registry
 
+_LEAST_FREE_GB = 1.0
+
 
 @attrs.frozen
 class Finding:
-    """One line. ``state``: ok, missing (required) or optional."""
+    """One line. ``state``: ok, missing (required) or optional; ``fault``: unless ok, the entry of ``FAULTS``."""
 
     what: str
     state: str
     detail: str = ""
     remedy: str = ""
+    fault: str = attrs.field(default="", validator=attrs.validators.in_({"", *FAULTS}))
 
 
 def command(
@@ -43,7 +50,7 @@ def command(
     from memo_core.plugins.registry import Registry
 
     findings = []
-    for finding in _examine(Registry(), quick):
+    for finding in examine(Registry(), quick):
         findings.append(finding)
         if not json:
             print(_line(finding), flush=True)
@@ -53,13 +60,21 @@ def command(
         raise typer.Exit(1)
 
 
-def _examine(registry: Registry, quick: bool) -> Iterator[Finding]:
+def examine(registry: Registry, quick: bool) -> Iterator[Finding]:
+    """Check this machine and the installed plugins, one finding after the other.
+
+    Args:
+        registry: the installed plugins.
+        quick: leave out what starts a process or opens a backend.
+    """
     yield _python()
     yield Finding("machine", "ok", f"{platform.machine()}, {os.cpu_count()} processors, {_memory()} of memory")
     yield from _plugins(registry)
     yield from _backends(registry)
     yield from _extras()
     yield _display()
+    yield _disk()
+    yield _proxy()
     if not quick:
         yield _tried("sandbox", _try_sandbox)
         yield _tried("skillbook", _try_skillbook)
@@ -76,7 +91,11 @@ def _plugins(registry: Registry) -> Iterator[Finding]:
         offered = ", ".join(f"{backend.kind} {backend.name}" for backend in plugin.backends) or "nothing"
         if plugin.error:
             yield Finding(
-                f"plugin {plugin.distribution}", "missing", plugin.error, f"repair or uninstall {plugin.distribution}"
+                f"plugin {plugin.distribution}",
+                "missing",
+                plugin.error,
+                f"repair or uninstall {plugin.distribution}",
+                "plugin",
             )
         else:
             yield Finding(f"plugin {plugin.distribution}", "ok", offered)
@@ -84,7 +103,7 @@ def _plugins(registry: Registry) -> Iterator[Finding]:
         try:
             registry.get(kind, name)
         except MemoError as error:
-            yield Finding(f"{kind} {name}", "missing", str(error), "uninstall one of them")
+            yield Finding(f"{kind} {name}", "missing", str(error), "uninstall one of them", "names")
 
 
 def _backends(registry: Registry) -> Iterator[Finding]:
@@ -95,16 +114,16 @@ def _backends(registry: Registry) -> Iterator[Finding]:
         offering = [(one, name) for one in registry.uninstalled() for of, name in one.offers if of == kind]
         if not registry.backends(kind) and kind != "skills":
             remedy = offering[0][0].command if offering else f"install a plugin that offers a {kind}"
-            yield Finding(kind, "missing", "no plugin that offers one is installed", remedy)
+            yield Finding(kind, "missing", "no plugin that offers one is installed", remedy, "kind")
         for one, name in offering:
-            yield Finding(f"{kind} {name}", "optional", "not installed", one.command)
+            yield Finding(f"{kind} {name}", "optional", "not installed", one.command, "uninstalled")
         for backend in registry.backends(kind):
             for lacking in missing_needs(attrs.evolve(backend.needs, keys=())):
                 state = "optional" if not backend.default and len(registry.backends(kind)) > 1 else "missing"
-                yield Finding(f"{kind} {backend.name}", state, f"needs {lacking.what}", lacking.remedy)
+                yield Finding(f"{kind} {backend.name}", state, f"needs {lacking.what}", lacking.remedy, "module")
             # Only who selects a backend needs its keys, and one of several providers' keys is enough.
             for lacking in missing_needs(Needs(keys=backend.needs.secrets)):
-                yield Finding(f"{kind} {backend.name}", "optional", f"no {lacking.what}", lacking.remedy)
+                yield Finding(f"{kind} {backend.name}", "optional", f"no {lacking.what}", lacking.remedy, "key")
 
 
 def _extras() -> Iterator[Finding]:
@@ -115,7 +134,8 @@ def _extras() -> Iterator[Finding]:
         lacking = [module for module in modules if importlib.util.find_spec(module) is None]
         if lacking:
             state = "missing" if extra == "arm" else "optional"
-            yield Finding(f"extra {extra}", state, f"{use} needs {', '.join(lacking)}", install(f"memo-core[{extra}]"))
+            needs = f"{use} needs {', '.join(lacking)}"
+            yield Finding(f"extra {extra}", state, needs, install(f"memo-core[{extra}]"), "extra")
         else:
             yield Finding(f"extra {extra}", "ok", use)
 
@@ -124,16 +144,33 @@ def _display() -> Finding:
     display = os.environ.get("WAYLAND_DISPLAY") or os.environ.get("DISPLAY")
     if display or sys.platform in ("darwin", "win32"):
         return Finding("display", "ok", display or sys.platform)
-    return Finding("display", "optional", "none, so --view opens no window; videos need none", "ssh -X, or a desktop")
+    return Finding(
+        "display", "optional", "none, so --view opens no window; videos need none", "ssh -X, or a desktop", "display"
+    )
+
+
+def _disk() -> Finding:
+    free = shutil.disk_usage(Path.cwd()).free / 1e9
+    if free < _LEAST_FREE_GB:
+        return Finding("disk", "optional", f"{free:.1f} GB free here, where runs are written", "free space", "disk")
+    return Finding("disk", "ok", f"{free:.0f} GB free here, where runs are written")
+
+
+def _proxy() -> Finding:
+    proxy = urllib.request.getproxies().get("http", "")
+    if proxy and not urllib.request.proxy_bypass("127.0.0.1"):
+        detail = f"{urlsplit(proxy).hostname} is also asked for model servers on this machine"
+        return Finding("proxy", "optional", detail, "export NO_PROXY=localhost,127.0.0.1", "proxy")
+    return Finding("proxy", "ok", "none stands before this machine's own servers")
 
 
 def _tried(what: str, attempt: Callable[[], str]) -> Finding:
     try:
         return Finding(what, "ok", attempt())
     except MemoError as error:
-        return Finding(what, "missing", *_told(error))
+        return Finding(what, "missing", *_told(error), what)
     except Exception as error:
-        return Finding(what, "missing", f"{type(error).__name__}: {' '.join(str(error).split())}")
+        return Finding(what, "missing", f"{type(error).__name__}: {' '.join(str(error).split())}", "", what)
 
 
 def _told(error: Exception) -> tuple[str, str]:
@@ -185,7 +222,7 @@ def _simulator(registry: Registry) -> Iterator[Finding]:
         simulator = _made(registry, "simulator")
         simulator.open()
     except Exception as error:
-        yield Finding("simulator", "missing", *_told(error))
+        yield Finding("simulator", "missing", *_told(error), "simulator")
         return
     try:
         scene = check_scene()
@@ -199,20 +236,21 @@ def _simulator(registry: Registry) -> Iterator[Finding]:
         )
         yield _pictures(simulator, scene)
     except Exception as error:
-        yield Finding("simulator", "missing", f"{type(error).__name__}: {' '.join(str(error).split())}")
+        said = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        yield Finding("simulator", "missing", said, "", "simulator")
     finally:
         simulator.close()
 
 
 def _pictures(simulator: Any, scene: Any) -> Finding:
     if not scene.cameras:
-        return Finding("pictures", "optional", "the scene tried has no camera")
+        return Finding("pictures", "ok", "not tried, the scene has no camera")
     try:
         simulator.render(scene.cameras[0].name, 640, 480)
         started = time.monotonic()
         simulator.render(scene.cameras[0].name, 640, 480)
     except Exception as error:
-        return Finding("pictures", "optional", *_told(error))
+        return Finding("pictures", "optional", *_told(error), "pictures")
     return Finding("pictures", "ok", f"640x480 in {_ms(started)}")
 
 

@@ -272,6 +272,11 @@ def test_a_demo_that_could_not_take_place_is_no_success(monkeypatch, tmp_path, c
     assert not told["told"] and "a library is missing" in told["reasons"]["transfer"]
 
 
+def test_a_demo_that_cannot_begin_is_refused_before_anything_is_written(tmp_path, capsys):
+    assert run("demo", "--set", "robot.driver.backend=franka", "--out", str(tmp_path / "runs")) != 0
+    assert "franka" in capsys.readouterr().err and not (tmp_path / "runs").exists()
+
+
 @pytest.mark.process
 def test_an_interrupt_that_came_through_exec_ends_with_130_also_under_python_m(tmp_path):
     """Python kills such a process with SIGINT, although the exception was caught: libraries use exec while imported."""
