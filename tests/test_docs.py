@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import json
+import pkgutil
 import re
 from pathlib import Path
 
@@ -136,3 +137,11 @@ def test_a_result_file_with_uneven_rows_is_refused_by_name(tmp_path):
     made = tables()
     with pytest.raises(made.TableError, match=r"stop\.json: row 2 has the headings"):
         made.markdown(path)
+
+
+def test_the_code_that_the_page_on_the_paper_names_exists():
+    page = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
+    names = set(re.findall(r"`(memo_\w+(?:\.\w+)+)`", page))
+    assert len(names) > 15
+    for name in names:
+        pkgutil.resolve_name(name)
