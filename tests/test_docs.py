@@ -8,6 +8,7 @@ import json
 import pkgutil
 import re
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -84,6 +85,29 @@ def test_the_pages_backends_do_what_they_say():
     assert task.scene(np.random.default_rng(0)).body("block").label == "block"
     [nudge] = build("skills")
     assert nudge.signature == "nudge_up(height: float = 0.05) -> None"
+
+
+def documented() -> set[int]:
+    """Identities of the objects that the reference documents: those it names, and the public names of its modules."""
+    found: set[int] = set()
+    for page in (ROOT / "docs" / "reference").glob("*.md"):
+        for path in re.findall(r"^::: (\S+)$", page.read_text(encoding="utf-8"), re.MULTILINE):
+            value = pkgutil.resolve_name(path)
+            inside = vars(value) if isinstance(value, ModuleType) else {path: value}
+            found |= {id(item) for name, item in inside.items() if not name.startswith("_")}
+    return found
+
+
+def test_the_reference_documents_every_public_name():
+    import memo_core
+
+    packages = [f"memo_core.{found.name}" for found in pkgutil.iter_modules(memo_core.__path__) if found.ispkg]
+    known, missing = documented(), []
+    for module in ("memo_core", "memo_core.plugin", *packages):
+        public = importlib.import_module(module)
+        names = getattr(public, "__all__", ())
+        missing += [f"{module}.{name}" for name in names if id(getattr(public, name)) not in known]
+    assert not missing, "these belong on a page of docs/reference, as `::: NAME`"
 
 
 def test_files_that_the_docs_name_exist():

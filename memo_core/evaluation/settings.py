@@ -110,7 +110,7 @@ class EvaluationSettings:
         default="", metadata={"help": "folder of an experiment whose recordings answer instead of a model"}
     )
     replay_match: Literal["exact", "numbers", "situation"] = attrs.field(
-        default="exact", metadata={"help": "how alike a recorded prompt must be, see docs/recordings.md"}
+        default="exact", metadata={"help": "how alike a recorded prompt must be, see docs/language-models.md"}
     )
     engine: Literal["joblib", "ray"] = attrs.field(
         default="joblib", metadata={"help": "joblib: processes of this machine; ray: of a cluster with a shared folder"}

@@ -9,7 +9,7 @@ import attrs
 
 @attrs.frozen
 class ReplaySettings:
-    """Settings of the ``replay`` backend (docs/recordings.md)."""
+    """Settings of the ``replay`` backend (docs/language-models.md#recordings)."""
 
     file: str = attrs.field(
         validator=attrs.validators.min_len(1),
