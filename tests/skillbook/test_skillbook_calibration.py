@@ -1,6 +1,7 @@
 """The default wording, weights and cut, measured with the real sentence model on labelled subtasks.
 
-The first set is the one the defaults were chosen on, the second was written before it was looked at with any setting."""
+The first set is the one the defaults were chosen on, the second was written before it was looked at with any setting.
+"""
 
 from __future__ import annotations
 
