@@ -1,4 +1,4 @@
-"""Draw the figure of docs/general-skills.md: run its three tasks, cluster the book between them, compose the pictures.
+"""Draw the figure of docs/consolidation.md: run its three tasks, cluster the book between them, compose the pictures.
 
 Usage: ``python tools/general_skills_figure.py docs/images/general-skills.png`` (MUJOCO_GL=egl without a display; about
 a minute).

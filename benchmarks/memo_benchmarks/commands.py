@@ -130,14 +130,14 @@ def retrieval_quality(
     ] = None,
     labels: Annotated[
         Path | None,
-        typer.Option("--labels", metavar="FILE", help="Grades for --book: docs/retrieval.md."),
+        typer.Option("--labels", metavar="FILE", help="Grades for --book: docs/skillbook.md."),
     ] = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
     """Quality of retrieval from labelled notes, by the paper's formula, a plain cosine and ours: see
-    docs/retrieval.md."""
+    docs/skillbook.md."""
     from memo_benchmarks.labelled_notes import of_book
     from memo_benchmarks.retrieval_quality import PLAIN, bench_retrieval_quality
     from memo_core.skillbook.book import Skillbook

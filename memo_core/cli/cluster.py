@@ -1,4 +1,4 @@
-"""``memo cluster``: condense what people taught; see ``docs/clustering.md``."""
+"""``memo cluster``: condense what people taught; see ``docs/consolidation.md``."""
 
 from __future__ import annotations
 

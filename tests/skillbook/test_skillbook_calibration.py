@@ -1,7 +1,6 @@
 """The default wording, weights and cut, measured with the real sentence model on labelled subtasks.
 
 The first set is the one the defaults were chosen on, the second was written before it was looked at with any setting.
-``docs/skillbook.md`` gives the table over wordings that these functions produce.
 """
 
 from __future__ import annotations

@@ -48,7 +48,7 @@ def _ranking(instance: object, attribute: attrs.Attribute[str], value: str) -> N
 
 @attrs.frozen
 class RetrievalSettings:
-    """The defaults were calibrated (``docs/retrieval.md``).
+    """The defaults were calibrated (``docs/skillbook.md``).
 
     r(q, v) = (λ1 cos(q_act, v_act) + λ2 cos(q_obj, v_obj)) / (λ1 + λ2) compares keys. With ``ranking: key`` it decides
     alone, as in the paper. With ``key-and-text`` the score of an entry e under key v is

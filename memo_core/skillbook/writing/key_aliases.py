@@ -20,7 +20,7 @@ from memo_core.skillbook.store.database import Database
 from memo_core.skillbook.vectors.key_vectors import KeyVectors
 from memo_core.skillbook.writing import templates
 
-NEAR = 0.93  # least cosine of each role's names; calibrated, docs/clustering.md
+NEAR = 0.93  # least cosine of each role's names; calibrated, docs/consolidation.md
 
 _PLACING = {"in": "in", "into": "in", "inside": "in", "on": "on", "onto": "on", "out": "out", "off": "off"}
 _PLACING |= {

@@ -28,7 +28,7 @@ import numpy as np
 from memo_core.plugin import BackendUnavailable, InvalidArgument, VectorStore
 from memo_vectorstore.settings import ChromaSettings
 
-_NEIGHBOURS = 32  # links a vector; 16 (the default) finds 99.75 % where 32 finds all, docs/skillbook-sharing.md
+_NEIGHBOURS = 32  # links a vector; 16 (the default) finds 99.75 % where 32 finds all
 _BATCH = 1000
 _DIGESTS = "memo-digests.json"  # of the graphs' files, by folder, as they were when their store wrote last
 _STALE_S = 600.0  # collections of others are cleared away when they are older; who still uses one makes it anew
