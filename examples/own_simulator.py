@@ -1,7 +1,7 @@
 """The smallest simulator in which the arm can be moved: no contacts, no pictures, doors stand still.
 
-A start for a simulator of your own (docs/plugins/simulator.md). ``tests/plugins/test_third_simulator.py`` moves the Panda
-in it, and checks that the conformance suite reports exactly the rules that need contacts or moving scene joints.
+A start for a simulator of your own (docs/plugins/simulator.md). ``tests/plugins/test_third_simulator.py`` moves the
+Panda in it, and checks that the conformance suite reports exactly the rules that need contacts or moving scene joints.
 """
 
 import hashlib
@@ -49,9 +49,8 @@ class GhostSimulator(Simulator):
             if isinstance(body.joint, (Hinge, Slide)):
                 self._joints[body.joint.name] = body.joint.initial
             elif isinstance(body.joint, Free):
-                self._falls[body.name] = scene.table_height + body.geoms[0].size[-1] / (
-                    2 if body.geoms[0].shape == "box" else 1
-                )
+                shape = body.geoms[0]
+                self._falls[body.name] = scene.table_height + shape.size[-1] / (2 if shape.shape == "box" else 1)
         self._share = 1.0 - np.exp([-self.control_period * joint.kp / joint.kv for joint in robot.joints])
         home, still, wide = list(robot.home), [0.0] * len(robot.home), robot.gripper.stroke
         heights = {name: self._poses[name].position[2] for name in self._falls}
