@@ -9,11 +9,12 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 HEAD = """# Licences of the dependencies
 
-MEMO itself is under Apache-2.0. It imports the distributions below (`constraints.txt`) and ships none of them. The table is
-written by `python tools/licences.py` from their own metadata.
+MEMO itself is under Apache-2.0. It imports the distributions below (`constraints.txt`) and ships none of them.
+`python tools/licences.py` writes the table from their own metadata.
 
-**Copyleft:** `psycopg` and `psycopg-binary` (LGPL version 3) are only installed with the extra `postgres`. Whoever redistributes an
-environment with them must allow them to be replaced. The table shows further licences with conditions (MPL, LGPL, GPL).
+**Copyleft:** `psycopg` and `psycopg-binary` (LGPL version 3) are only installed with the extra `postgres`. Whoever
+redistributes an environment with them must allow them to be replaced. The table shows further licences with conditions
+(MPL, LGPL, GPL).
 
 | distribution | licence |
 |---|---|
