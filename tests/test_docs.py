@@ -13,12 +13,14 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from memo_core.events import FeedbackGiven, Problem
 from memo_core.interfaces.backend import Backend
 from memo_core.plugins import hooks
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted((ROOT / "docs" / "plugins").glob("*.md"))
-WITH_CODE = [page for page in PAGES if "@hookimpl" in page.read_text(encoding="utf-8")]
+OVERVIEW = ROOT / "docs" / "plugins" / "README.md"
+WITH_CODE = [page for page in PAGES if page != OVERVIEW and "@hookimpl" in page.read_text(encoding="utf-8")]
 
 
 def plugin_of(page: Path) -> dict:
@@ -42,6 +44,17 @@ def test_the_plugin_on_a_page_declares_a_backend_of_that_kind(page):
     assert backend.kind == page.stem
     backend.config()
     assert backend.summary
+
+
+def test_the_overview_declares_a_backend_and_hears_what_people_say(capsys):
+    made = plugin_of(OVERVIEW)
+    listener = made.pop("memo_event")
+    [backend] = backends_of(made)
+    assert backend.kind == "perception" and backend.config().resolution == 640
+    assert backend.needs.secrets == ("CAMERA_TOKEN",)
+    listener(FeedbackGiven(1, "P01", "OPEN(door)", "the door opens to the left"))
+    listener(Problem("here", "nothing said"))
+    assert capsys.readouterr().out == "P01 said: the door opens to the left\n"
 
 
 def test_the_command_on_its_page_works():

@@ -9,12 +9,12 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 HEAD = """# Licences of the dependencies
 
-MEMO itself is under Apache-2.0. `python tools/licences.py` writes this page from what the pinned distributions
-(`constraints.txt`) say of themselves. MEMO imports them and ships none of them.
+MEMO itself is under Apache-2.0. It imports the distributions below (`constraints.txt`) and ships none of them.
+`python tools/licences.py` writes the table from their own metadata.
 
-**Copyleft:** `psycopg` and `psycopg-binary` are under the LGPL (version 3). They are only installed with the extra
-`postgres`, for books on a PostgreSQL server, and are used as they are: whoever redistributes an environment with them
-must allow them to be replaced. Other licences with such conditions (MPL, LGPL, GPL) can be found in the table.
+**Copyleft:** `psycopg` and `psycopg-binary` (LGPL version 3) are only installed with the extra `postgres`. Whoever
+redistributes an environment with them must allow them to be replaced. The table shows further licences with conditions
+(MPL, LGPL, GPL).
 
 | distribution | licence |
 |---|---|

@@ -1,8 +1,8 @@
-"""A third simulator: the one on docs/simulators.md is plugged in, moves the arm, and is told which rules it breaks."""
+"""A third simulator: ``examples/own_simulator.py`` is plugged in, moves the arm, and is told which rules it breaks."""
 
 from __future__ import annotations
 
-import re
+import runpy
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,7 @@ from memo_core.plugins.registry import Registry
 from memo_core.testing.fake_entry_point import FakeEntryPoint
 from memo_core.testing.simulator import RULES
 
-PAGE = Path(__file__).parents[2] / "docs" / "simulators.md"
+EXAMPLE = Path(__file__).parents[2] / "examples" / "own_simulator.py"
 # It has no contacts, its scene's joints stand still, and it draws nothing (which is allowed).
 BREAKS = {
     "bodies_rest_on_the_table",
@@ -31,23 +31,20 @@ BREAKS = {
 
 
 @pytest.fixture(scope="module")
-def page() -> dict:
-    namespace: dict = {"__name__": "page_simulators"}
-    [block] = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    exec(compile(block, PAGE.name, "exec"), namespace)
-    return namespace
+def example() -> dict:
+    return runpy.run_path(str(EXAMPLE))
 
 
 @pytest.mark.parametrize("name", RULES)
-def test_the_suite_says_which_rules_it_breaks(name, page):
+def test_the_suite_says_which_rules_it_breaks(name, example):
     if name in BREAKS:
         with pytest.raises(AssertionError):
-            RULES[name](page["GhostSimulator"])
+            RULES[name](example["GhostSimulator"])
     else:
-        RULES[name](page["GhostSimulator"])
+        RULES[name](example["GhostSimulator"])
 
 
-def test_an_experiment_chooses_it_by_name_and_the_arm_moves_in_it(page):
+def test_an_experiment_chooses_it_by_name_and_the_arm_moves_in_it(example):
     from memo_benchmarks.sim import _Eyes, bench_scene
     from memo_franka.description import panda
 
@@ -55,7 +52,7 @@ def test_an_experiment_chooses_it_by_name_and_the_arm_moves_in_it(page):
     from memo_core.arm.simulated_link import SimulatorLink
     from memo_core.interfaces.perception import PerceptionContext
 
-    plugin = FakeEntryPoint("ghost", "my-lab", memo_simulators=page["memo_simulators"])
+    plugin = FakeEntryPoint("ghost", "my-lab", memo_simulators=example["memo_simulators"])
     chosen = load_experiment(Registry([plugin]), overrides=["simulator.backend=ghost"]).create("simulator")
     with chosen as simulator:
         simulator.build(bench_scene(), panda())
