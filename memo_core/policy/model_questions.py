@@ -42,8 +42,7 @@ def schema_of(phase: str, context: Mapping[str, Any]) -> dict[str, Any] | None:
 def _feedback_schema(context: Mapping[str, Any]) -> dict[str, Any]:
     lists = {"corrections": _STRINGS, "general": _STRINGS}
     lists |= {"plan": _STRINGS} if context.get("plans") else {}
-    lists |= {"elsewhere": _list_of(subtask=_STRING, note=_STRING)} if context.get("subtasks") else {}
-    return _object(**lists, unclear=_STRING)
+    return _object(**lists, elsewhere=_list_of(subtask=_STRING, note=_STRING), unclear=_STRING)
 
 
 def _cluster_schema(context: Mapping[str, Any]) -> dict[str, Any]:

@@ -26,6 +26,7 @@ from memo_core.llm.prompt_files import (
     read_prompt,
 )
 from memo_core.llm.prompt_sections import Prompt
+from memo_core.policy.model_questions import schema_of
 from memo_core.policy.prompting import done_line, messages
 from memo_core.policy.results import SubtaskResult
 from memo_core.robot.description import GripperDescription, RobotDescription
@@ -272,6 +273,16 @@ def test_the_system_message_is_the_same_in_every_question_of_a_phase(phase):
         assert again == system
         assert asked != user or changed is without
     assert "## Answer" in system.text
+
+
+@pytest.mark.parametrize("plans", [True, False])
+@pytest.mark.parametrize("subtasks", [["OPEN(fridge)"], []])
+def test_a_schema_has_the_keys_that_the_prompt_for_notes_asks_for(plans, subtasks):
+    context = _context("feedback", plans=plans, subtasks=subtasks)
+    texts = "\n".join(message.text for message in Prompts().messages("feedback", context))
+    [shown] = re.findall(r"JSON only: (\{.*\})", texts)
+    schema = schema_of("feedback", context)
+    assert schema is not None and set(schema["properties"]) == set(json.loads(shown))
 
 
 def test_a_file_without_a_mark_is_all_user_message(tmp_path):
