@@ -69,8 +69,8 @@ class Shaken(Sampled):
 
     @property
     def shakes(self) -> int:
-        """Number of movements to and fro so far; one more or less where the first stroke joins the approach."""
-        return max(self.seen["turned"]) // 2
+        """Number of movements to and fro so far; one more or less, by how they join the approach and the retreat."""
+        return max(max(self.seen["turned"]) - 1, 0) // 2
 
     @property
     def passed_over(self) -> bool:
