@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 from memo_tabletop import success_checks as checks
+from memo_tabletop.house.monitors import Shaken
 from memo_tabletop.monitors import SAMPLE_S, HeldUp, Mishaps, Moved, Standing
 from memo_tabletop.objects import apple, banana, can, cup, cutlery, open_box, pan, plate
 
@@ -237,3 +238,41 @@ def test_inside_means_that_no_part_sticks_out(x, y, z, yaw):
         for corner in [np.array(corner) - 0.5]
     ]
     assert said == bool(np.all(np.abs(corners) <= np.array(box.cavities[0].size) / 2))
+
+
+UP_FIRST, DOWN_FIRST, SIDEWAYS = (
+    ((0, 0, 0.25), (0, 0, -0.25)),
+    ((0, 0, -0.25), (0, 0, 0.25)),
+    ((0, 0.25, 0), (0, -0.25, 0)),
+)
+
+
+@pytest.mark.parametrize("strokes", [UP_FIRST, DOWN_FIRST, SIDEWAYS])
+@pytest.mark.parametrize("shakes", [1, 3, 10])
+def test_shakes_are_counted_however_they_are_made(strokes, shakes):
+    world = Puppets()
+    shaken = world.watch(Shaken("red", 0.11, "green", 0.07, "green", (0.02, 0.02)))
+    world.go(1.0, "red", (0, 0, 0.2))
+    world.go(1.0, "red", (0, -0.36, 0))  # 4 cm beside the middle of what is seasoned
+    world.go(0.5, "red", (0, 0, -0.2))
+    for _ in range(shakes):
+        for velocity in strokes:
+            world.go(0.12, "red", velocity)
+    world.go(1.0, "red", (0, 0, 0.2))
+    assert abs(shaken.shakes - shakes) <= 1
+    assert not shaken.passed_over
+
+
+def test_shakes_beside_the_target_do_not_count_and_a_way_across_is_remembered():
+    world = Puppets()
+    shaken = world.watch(Shaken("red", 0.11, "green", 0.07, "green", (0.06, 0.06)))
+    for _ in range(10):
+        for velocity in UP_FIRST:
+            world.go(0.12, "red", velocity)
+    assert shaken.shakes == 0 and not shaken.passed_over
+    world.go(1.0, "red", (0, -0.4, 0))
+    world.go(1.0, "red", (0, -0.4, 0))
+    assert shaken.passed_over
+    other = Shaken("red", 0.11, "green", 0.07, "green", (0.06, 0.06))
+    other.recall(json.loads(json.dumps(shaken.memory())))
+    assert other.passed_over

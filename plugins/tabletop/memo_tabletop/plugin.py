@@ -79,6 +79,13 @@ def families(settings: TabletopSettings):
     return family_tasks()
 
 
+def house_rules(settings: TabletopSettings):
+    """Tasks with a rule of a house or its people, which neither the scene nor trying reveals."""
+    from memo_tabletop.house.suite import house_tasks
+
+    return house_tasks()
+
+
 @hookimpl
 def memo_task_suites():
     return [
@@ -115,6 +122,13 @@ def memo_task_suites():
             "families",
             "doors, drawers, boxes: colour or material tells the trick, the shape does not",
             families,
+            TabletopSettings,
+        ),
+        Backend(
+            "suite",
+            "house-rules",
+            "crates, trays, shakers: what a house wants, which only its people can tell",
+            house_rules,
             TabletopSettings,
         ),
     ]
