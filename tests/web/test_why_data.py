@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
+from memo_web.why import RunRecords, check_quiet, search, uses_in
 
 from memo_core.errors import InvalidArgument, UnknownName
 from memo_core.plugin import goes_on
@@ -13,7 +14,6 @@ from memo_core.runlog.event_log import EventLog
 from memo_core.skillbook import explain
 from memo_core.skillbook.functions import functions_of
 from memo_core.skillbook.track_record import note_trial
-from memo_web.why import RunRecords, check_quiet, search, uses_in
 from tests.support.cluster_books import new_book, teach, teach_general
 from tests.support.function_books import MICROWAVE, OVEN, merged, teach_doors
 
