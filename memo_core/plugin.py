@@ -71,6 +71,7 @@ if TYPE_CHECKING:
         Perception as Perception,
         PerceptionContext as PerceptionContext,
     )
+    from memo_core.interfaces.reception import Demographics as Demographics, Reception as Reception
     from memo_core.interfaces.simulator import (
         Contact as Contact,
         Simulator as Simulator,

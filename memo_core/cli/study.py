@@ -18,9 +18,7 @@ from memo_core.teachers.answers import NO, bare
 from memo_core.text.reading_limits import LONGEST_WORDS
 
 if TYPE_CHECKING:
-    from memo_core.study.consent import Demographics
-
-OLDEST = 130  # years
+    from memo_core.interfaces.reception import Demographics
 
 app = typer.Typer(help="Participants teach the robot in sessions.")
 
@@ -171,7 +169,7 @@ def _status(folder: Path) -> dict[str, Any]:
 
 
 class AtTerminal:
-    """Meets participants at this terminal (``memo_core.study.consent.Reception``)."""
+    """Meets participants at this terminal (``memo_core.interfaces.reception.Reception``)."""
 
     def agrees(self, participant: str, text: str) -> bool:
         note(text)
@@ -204,6 +202,10 @@ def _told(question: str) -> str | None:
 
 def _age(question: str) -> int | None:
     """Ask until the answer is a whole number of years or empty."""
-    while (typed := bare(_told(question) or "")) and not (typed.isdecimal() and 0 < int(typed[:4]) < OLDEST):
+    from memo_core.interfaces.reception import Demographics
+
+    while (typed := bare(_told(question) or "")) and not (
+        typed.isdecimal() and 0 < int(typed[:4]) < Demographics.OLDEST
+    ):
         note(f"{typed!r} is no age: a whole number of years, or Enter for no answer")
     return int(typed) if typed else None

@@ -10,10 +10,12 @@ correct anything.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from pathlib import Path
 from typing import Literal
 
 import attrs
 
+from memo_core.interfaces.reception import Reception
 from memo_core.scene.graph import SceneGraph
 
 
@@ -132,6 +134,7 @@ class Teacher(ABC):
     """Watches and may speak. ``who`` identifies the person in the skillbook."""
 
     who: str = "anonymous"
+    study: Path | None = None  # folder of the study that this teacher takes part in
     simulated: bool = False  # no person: a study asks for no consent, and its clock may be simulated
 
     def open(self) -> None: ...
@@ -149,6 +152,11 @@ class Teacher(ABC):
         """Whether a person follows the robot's motion as it happens and may press stop. A simulator then moves in real
         time unless ``run.pace`` says otherwise. May be asked before ``open``."""
         return False
+
+    @property
+    def reception(self) -> Reception | None:
+        """Who meets this person before a session of a study; None: the terminal at which the study was started."""
+        return None
 
     @abstractmethod
     def judge(self, episode: Episode) -> Verdict:
