@@ -40,7 +40,13 @@ if TYPE_CHECKING:
         UnknownName as UnknownName,
         close_match as close_match,
     )
-    from memo_core.events import FeedbackGiven as FeedbackGiven
+    from memo_core.events import (
+        Event as Event,
+        FeedbackGiven as FeedbackGiven,
+        SessionEnded as SessionEnded,
+        SessionTask as SessionTask,
+        TimeLeft as TimeLeft,
+    )
     from memo_core.interfaces.backend import (
         NO_MEMORY as NO_MEMORY,
         Backend as Backend,
