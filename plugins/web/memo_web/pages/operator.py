@@ -11,16 +11,17 @@ from pathlib import Path
 from typing import Any
 
 import attrs
+from memo_web.pages.layout import LINKS, framed, visitor
+from memo_web.pages.participant import time_left
+from memo_web.pages.run_view import AskFailed, RunView
+from memo_web.pages.study_state import OPERATOR, StudyState, study_of
+from memo_web.pages.text import heading, section, words
+from memo_web.pages.why_pages import entry_line
 from nicegui import run, ui
 
 from memo_core.plugin import MemoError
 from memo_core.skillbook import Entry, Feedback, Skillbook, explain
 from memo_core.study import export_study, load_study, status
-from memo_web.pages.layout import LINKS, framed, visitor
-from memo_web.pages.participant import time_left
-from memo_web.pages.run_view import AskFailed, RunView
-from memo_web.pages.study_state import OPERATOR, StudyState, study_of
-from memo_web.pages.why_pages import entry_line, heading, section, words
 
 _WATCH_S = 1.0
 _READ_S = 3.0  # between two looks into journals and books
@@ -179,8 +180,8 @@ def _show_buttons(view: RunView, study: StudyState, me: str) -> None:
         everything = ui.checkbox("with ids, and what people told of themselves")
         ui.button("Export", on_click=lambda: _export(study, bool(everything.value)))
     words(
-        "STOP, above, stops the robot, and the participant is asked what was wrong. Pausing ends the command: the run is "
-        "kept as it is, and `memo study resume` goes on with it. Read review.jsonl before an export is given to others."
+        "STOP, above, stops the robot, and the participant is asked what was wrong. Pausing ends the command: the run "
+        "is kept as it is, and `memo study resume` goes on with it. Read review.jsonl before you give an export to others."
     )
 
 

@@ -1,18 +1,17 @@
-"""The page ``/study`` of a participant: consent, questions, and then the tasks; and ``/enter/KEY``, which makes a visitor
-somebody."""
+"""The page ``/study`` of a participant: consent, questions, tasks; and ``/enter/KEY``, which says who a visitor is."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from nicegui import ui
-
-from memo_core.plugin import LONGEST_WORDS
-from memo_web.pages import teach
 from memo_web.pages.layout import LINKS, framed, visitor
 from memo_web.pages.run_view import AskFailed, RunView
 from memo_web.pages.study_state import OPERATOR, StudyState, study_of
-from memo_web.pages.why_pages import heading, words
+from memo_web.pages.teach import TeachingPage
+from memo_web.pages.text import heading, words
+from nicegui import ui
+
+from memo_core.plugin import LONGEST_WORDS
 
 _WATCH_S = 0.2
 QUESTIONS = {
@@ -110,7 +109,7 @@ def _show(view: RunView, study: StudyState, me: str, state: tuple[Any, ...]) -> 
     elif state[0] == "about":
         _show_questions(view, study, me)
     elif state[0] == "task":
-        _show_task(view, study)
+        _show_task(view, study, me)
     elif state[0] == "over":
         heading(f"That was your session, {study.role(me)}")
         words("Thank you for taking part. You may close this page.")
@@ -157,7 +156,7 @@ def _show_questions(view: RunView, study: StudyState, me: str) -> None:
     ui.button("Go on", on_click=go_on)
 
 
-def _show_task(view: RunView, study: StudyState) -> None:
+def _show_task(view: RunView, study: StudyState, me: str) -> None:
     with ui.row().classes("items-baseline w-full justify-between"):
         title = ui.label().classes("text-xl break-words").props('role="heading" aria-level="1"').mark("task")
         left = ui.label().classes("text-xl font-mono").props('role="timer"').mark("time-left")
@@ -169,7 +168,7 @@ def _show_task(view: RunView, study: StudyState) -> None:
 
     refresh()
     ui.timer(1.0, refresh)
-    teach.show(view)
+    TeachingPage(view, me)
 
 
 def time_left(study: StudyState) -> str:

@@ -6,7 +6,6 @@ import time
 from typing import Any
 
 import attrs
-
 from memo_web.pages.run_view import RunView
 
 OPERATOR = "operator"

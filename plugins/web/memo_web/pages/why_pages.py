@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Awaitable, Callable, Sequence
+from pathlib import Path
 from typing import TypeVar
 
 import attrs
+from memo_web.pages.layout import LINKS, framed, visitor
+from memo_web.pages.run_view import RunView
+from memo_web.pages.study_state import study_of
+from memo_web.pages.text import heading, local_time, program, section, words
+from memo_web.why import LONGEST_SEARCH, RunRecords, Use, check_quiet, search
 from nicegui import run, ui
 
 from memo_core.plugin import MemoError
-from memo_core.skillbook import Entry, Explanation, Skillbook, explain
-from memo_web.why import LONGEST_SEARCH, RunRecords, Use, check_quiet, search
+from memo_core.skillbook import Entry, Explanation, Forgotten, Skillbook, explain
 
 Result = TypeVar("Result")
 KINDS = {
@@ -40,11 +44,9 @@ class BookShelf:
 
     Attributes:
         url: returns the book's database URL or file; "" if no run has named one yet.
-        may_forget: whether this visitor may have a person forgotten.
     """
 
     url: Callable[[], str]
-    may_forget: bool = True
 
     async def read(self, work: Callable[[Skillbook], Result]) -> Result | None:
         """Read the book in another thread; None, with a sentence on the page, if there is no book that can be read.
@@ -81,6 +83,49 @@ class BookShelf:
             return None
 
 
+def add_pages(view: RunView) -> None:
+    """Add the pages of the book.
+
+    Args:
+        view: the run.
+    """
+    study = study_of(view)
+    view.on("book", lambda message, blob: view.more.update(book=message["url"]))
+    LINKS.add("/why", "Why", study.sees_all)
+
+    def shelf() -> BookShelf | None:
+        if study.sees_all(visitor()):
+            return BookShelf(lambda: book_url(view))
+        heading("This page is for the person who runs the study")
+        return None
+
+    @ui.page("/why")
+    async def why() -> None:
+        with framed(view, "Why"):
+            if (book := shelf()) is not None:
+                await show_list(book)
+
+    @ui.page("/why/{number}")
+    async def why_entry(number: int) -> None:
+        with framed(view, "Why"):
+            if (book := shelf()) is not None:
+                await show_entry(book, number)
+
+
+def book_url(view: RunView) -> str:
+    """The book that is taught into: the run's, or else the first of the study's that is there; "" if there is none.
+
+    Args:
+        view: the run.
+
+    Returns:
+        Its database URL or file.
+    """
+    folder = study_of(view).shown.get("folder")
+    books = sorted(Path(folder).glob("history-*/skillbook.db")) if folder else []
+    return str(view.more.get("book") or (books[0] if books else ""))
+
+
 # -- the list ----------------------------------------------------------------------------------------------------------
 async def show_list(shelf: BookShelf) -> None:
     """Show the list of entries with a search field, and a form to have a person forgotten.
@@ -108,9 +153,8 @@ async def show_list(shelf: BookShelf) -> None:
         field.on_value_change(refresh)
     wanted.on_value_change(refresh)
     await refresh()
-    if shelf.may_forget:
-        ui.separator()
-        await _show_forgetting(shelf, refresh)
+    ui.separator()
+    await _show_forgetting(shelf, refresh)
 
 
 def _list(entries: Sequence[Entry]) -> None:
@@ -128,7 +172,7 @@ def entry_line(entry: Entry) -> None:
     with ui.row().classes("items-baseline no-wrap w-full gap-3"):
         ui.link(f"{ONE[entry.kind]} {entry.id}", f"/why/{entry.id}").classes("whitespace-nowrap")
         ui.label(str(entry.key) if entry.key.objects else "everywhere").classes("text-gray-700 whitespace-nowrap")
-        ui.label(from_title).classes("break-words min-w-0")
+        ui.label(Explanation(entry, ()).title).classes("break-words min-w-0")
         if entry.superseded_by is not None:
             ui.label("replaced").classes("text-gray-600 italic")
 
@@ -157,7 +201,7 @@ def _show_text(found: Explanation) -> None:
     name = f" {found.function_name}" if found.function_name else ""
     heading(f"{ONE[entry.kind].capitalize()}{name} ({entry.id})")
     where = "everywhere" if not entry.key.objects else ", ".join(found.keys)
-    words(f"Used for: {where}. Stored {_when(entry.created)}.")
+    words(f"Used for: {where}. Stored {local_time(entry.created)}.")
     if entry.kind in ("correction", "general"):
         ui.label(entry.text).classes("text-lg whitespace-pre-wrap break-words border-l-4 pl-3")
     else:
@@ -179,10 +223,10 @@ def _show_said(found: Explanation) -> None:
             ui.label(said).classes("text-lg whitespace-pre-wrap break-words")
             about = f", about {one.subtask}" if one.subtask else ""
             task = f' in "{one.task}"' if one.task else ""
-            ui.label(f"{one.who}, {_when(one.time)}{about}{task}").classes("text-gray-700")
+            ui.label(f"{one.who}, {local_time(one.time)}{about}{task}").classes("text-gray-700")
     for reaction in found.reactions:
         became = f": {reaction.text}" if reaction.text else ""
-        words(f"Read back to {reaction.who}, {_when(reaction.time)}: {reaction.outcome}{became}")
+        words(f"Read back to {reaction.who}, {local_time(reaction.time)}: {reaction.outcome}{became}")
     if found.made_of:
         words("Made of:")
         for entry in found.made_of:
@@ -220,7 +264,9 @@ def _show_tests(found: Explanation) -> None:
     record = found.function
     own = record is not None and record.learnt.entry.id == found.entry.id
     calls = {call.id: call.text for call in record.learnt.calls} if record is not None and own else {}
-    trials = [(calls.get(call, ""), one) for call, some in record.trials.items() for one in some] if calls and record else []
+    trials = (
+        [(calls.get(call, ""), one) for call, some in record.trials.items() for one in some] if calls and record else []
+    )
     trials += [("", one) for one in found.trials]
     if found.entry.kind in ("correction", "general"):
         return
@@ -231,7 +277,7 @@ def _show_tests(found: Explanation) -> None:
         words("It was approved by the people above, and not run again since.")
     for call, trial in trials:
         ended = "succeeded" if trial.success else f"failed: {trial.reason or 'no reason is known'}"
-        words(f"{_when(trial.time)}, {trial.start}{f', {call}' if call else ''}: {ended}")
+        words(f"{local_time(trial.time)}, {trial.start}{f', {call}' if call else ''}: {ended}")
 
 
 def _show_uses(found: Explanation, uses: Sequence[Use]) -> None:
@@ -250,7 +296,9 @@ def _show_use(use: Use) -> None:
             ui.badge(OUTCOMES[use.outcome], color="green-9" if use.outcome == "approved" else "grey-8")
             attempt = f", attempt {use.attempt}" if use.attempt else ""
             ui.label(f"{use.subtask}{attempt}").classes("break-words")
-            ui.label(f'{_when(use.time)}, in "{use.task}" (score {use.score:.2f})').classes("text-gray-700 break-words")
+            ui.label(f'{local_time(use.time)}, in "{use.task}" (score {use.score:.2f})').classes(
+                "text-gray-700 break-words"
+            )
         for one in use.words:
             words(f"They said: {one}")
         if use.error:
@@ -264,8 +312,8 @@ def _show_use(use: Use) -> None:
 async def _show_forgetting(shelf: BookShelf, refresh: Callable[[], Awaitable[None]]) -> None:
     section("Forget a person")
     words(
-        "Removes everything that a person said, and what was made of their words alone, from the book, from the folders "
-        "of its runs, and from exports and backups that it knows of. This cannot be undone."
+        "Removes everything that a person said, and what was made of their words alone: from the book, from the "
+        "folders of its runs, and from exports and backups that it knows of. This cannot be undone."
     )
     people = await shelf.read(lambda book: book.people())
     if people is None:
@@ -301,7 +349,7 @@ def _confirm(shelf: BookShelf, who: str, report: ui.column, done: Callable[[], A
 
 
 async def _forget(shelf: BookShelf, who: str, report: ui.column) -> None:
-    def work(book: Skillbook):
+    def work(book: Skillbook) -> Forgotten:
         check_quiet(book)
         return book.forget(who)
 
@@ -316,28 +364,3 @@ async def _forget(shelf: BookShelf, who: str, report: ui.column) -> None:
         words("Not reached, to be seen to by hand:")
         for where in gone.unreached:
             words(f"– {where}")
-
-
-# -- small parts -------------------------------------------------------------------------------------------------------
-def heading(text: str) -> None:
-    """Show the heading of a page."""
-    ui.label(text).classes("text-2xl break-words").props('role="heading" aria-level="1"')
-
-
-def section(text: str) -> None:
-    """Show the heading of a section."""
-    ui.label(text).classes("text-lg font-medium mt-3").props('role="heading" aria-level="2"')
-
-
-def words(text: str) -> None:
-    """Show a paragraph; whatever it holds is text."""
-    ui.label(text).classes("whitespace-pre-wrap break-words max-w-3xl")
-
-
-def program(code: str) -> None:
-    """Show a program; whatever it holds is text."""
-    ui.label(code.rstrip()).classes("whitespace-pre font-mono text-sm overflow-x-auto bg-gray-100 p-3 w-full")
-
-
-def _when(seconds: float) -> str:
-    return time.strftime("%Y-%m-%d %H:%M", time.localtime(seconds))

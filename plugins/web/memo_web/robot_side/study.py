@@ -1,8 +1,8 @@
 """A study in the browser, as the run's process sees it: who is who, consent and questions before a session, the end.
 
-Each participant, and the person who runs the study, has a key. Whoever opens the address with a key and confirms is known
-from then on by the cookie of their browser, also after a restart: keys and visitors are kept in ``browser.json`` in the
-study's folder.
+Each participant, and the person who runs the study, has a key. A visitor who opens the address with a key and confirms
+is known from then on by the cookie of their browser, also after a restart: keys and visitors are kept in
+``browser.json`` in the study's folder.
 """
 
 from __future__ import annotations
@@ -20,12 +20,21 @@ from pathlib import Path
 from typing import Any
 
 import attrs
-
-from memo_core.plugin import LONGEST_WORDS, Demographics, Event, InvalidArgument, SessionEnded, SessionTask, Stopped, TimeLeft
-from memo_core.study import load_study
 from memo_web.robot_side.listening import listen
 from memo_web.robot_side.pages_process import PagesProcess, pages_process
 from memo_web.settings import WebSettings
+
+from memo_core.plugin import (
+    LONGEST_WORDS,
+    Demographics,
+    Event,
+    InvalidArgument,
+    SessionEnded,
+    SessionTask,
+    Stopped,
+    TimeLeft,
+)
+from memo_core.study import load_study
 
 FILE = "browser.json"
 OPERATOR = "operator"
@@ -67,7 +76,9 @@ class Visitors:
         Raises:
             InvalidArgument: if it is nobody's key.
         """
-        name = next((one for one, kept in self.keys.items() if secrets.compare_digest(kept.encode(), key.encode())), None)
+        name = next(
+            (one for one, kept in self.keys.items() if secrets.compare_digest(kept.encode(), key.encode())), None
+        )
         if name is None:
             raise InvalidArgument("key", "it is nobody's in this study", "the address as the experimenter gave it")
         self.roles.pop(visitor, None)
