@@ -86,8 +86,13 @@ if TYPE_CHECKING:
     )
     from memo_core.interfaces.task import Monitor as Monitor, Outcome as Outcome, Task as Task
     from memo_core.interfaces.teacher import (
+        Arrangement as Arrangement,
         Episode as Episode,
+        Noted as Noted,
         Program as Program,
+        Proposal as Proposal,
+        ReadBack as ReadBack,
+        Stage as Stage,
         TaskEpisode as TaskEpisode,
         Teacher as Teacher,
         Verdict as Verdict,
@@ -106,6 +111,11 @@ if TYPE_CHECKING:
     from memo_core.policy.plan_feedback import PLANNING as PLANNING
     from memo_core.policy.results import RunResult as RunResult
     from memo_core.policy.run_context import Session as Session
+    from memo_core.process.companion_process import (
+        end_companion as end_companion,
+        end_with_input as end_with_input,
+        start_companion as start_companion,
+    )
     from memo_core.process.peer import Peer as Peer, PeerError as PeerError
     from memo_core.process.signal_safe import Flag as Flag
     from memo_core.process.stop_switch import StopSwitch as StopSwitch, abandonable as abandonable
@@ -214,7 +224,10 @@ if TYPE_CHECKING:
     from memo_core.skills.recording_control import Command as Command, RecordingControl as RecordingControl
     from memo_core.skills.skill import skill as skill, skill_library as skill_library
     from memo_core.skills.values import Number as Number
+    from memo_core.teachers.answers import meaning_of as meaning_of
+    from memo_core.teachers.terminal import login_name as login_name
     from memo_core.text.parsing import parse_json as parse_json, read_as as read_as
+    from memo_core.text.reading_limits import LONGEST_WORDS as LONGEST_WORDS
     from memo_core.text.redaction import Redactor as Redactor
 
 __all__, __getattr__, __dir__ = lazy_exports(__name__, __file__)

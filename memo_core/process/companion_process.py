@@ -19,14 +19,18 @@ INTERRUPTED = 130  # exit code of a command that a signal ended
 GRACE_S = 5.0  # to end by itself; what is left of a model call that was given up takes two
 
 
-def start_companion(command: Sequence[str], output: IO[bytes]) -> subprocess.Popen[bytes]:
-    """Start a command that calls ``end_with_input``; what it prints and its errors go to ``output``."""
+def start_companion(
+    command: Sequence[str], output: IO[bytes], inherited: Sequence[int] = ()
+) -> subprocess.Popen[bytes]:
+    """Start a command that calls ``end_with_input``; what it prints and its errors go to ``output``. ``inherited``:
+    file descriptors that stay open in it."""
     return subprocess.Popen(
         command,
         stdin=subprocess.PIPE,
         stdout=output,
         stderr=output,
         start_new_session=True,  # Ctrl-C in a terminal goes to a whole group of processes
+        pass_fds=inherited,
     )
 
 

@@ -181,7 +181,7 @@ def _show_buttons(view: RunView, study: StudyState, me: str) -> None:
         ui.button("Export", on_click=lambda: _export(study, bool(everything.value)))
     words(
         "STOP, above, stops the robot, and the participant is asked what was wrong. Pausing ends the command: the run "
-        "is kept as it is, and `memo study resume` goes on with it. Read review.jsonl before you give an export to others."
+        "is kept as it is, and `memo study resume` goes on with it. Read review.jsonl before others get an export."
     )
 
 

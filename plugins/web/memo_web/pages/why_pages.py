@@ -168,7 +168,6 @@ def _list(entries: Sequence[Entry]) -> None:
 
 def entry_line(entry: Entry) -> None:
     """Show one line for an entry, which leads to its page."""
-    from_title = Explanation(entry, ()).title
     with ui.row().classes("items-baseline no-wrap w-full gap-3"):
         ui.link(f"{ONE[entry.kind]} {entry.id}", f"/why/{entry.id}").classes("whitespace-nowrap")
         ui.label(str(entry.key) if entry.key.objects else "everywhere").classes("text-gray-700 whitespace-nowrap")
