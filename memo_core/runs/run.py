@@ -562,6 +562,7 @@ class _Run:
             end=self.supervisor.end,
             simulator=world.simulator if simulated else None,
             scene=world.description if simulated else None,
+            book=self.components.book.url if self.components.book is not None else "",
         )
         try:
             teacher.watch(stage)

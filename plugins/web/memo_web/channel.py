@@ -35,7 +35,9 @@ class Channel:
         Raises:
             OSError: if the other side is gone.
         """
-        text = json.dumps({"kind": kind, **fields}, ensure_ascii=False).encode("utf-8", "replace")  # half a character is "?"
+        text = json.dumps({"kind": kind, **fields}, ensure_ascii=False).encode(
+            "utf-8", "replace"
+        )  # half a character is "?"
         with self._sending:
             self._link.sendall(_LENGTHS.pack(len(text), len(blob)) + text + blob)
 

@@ -12,7 +12,13 @@ from memo_web.pages.guard import Allowed, Guard
 from memo_web.pages.run_view import RunView
 
 # Modules with a function ``add_pages(view)``, in the order of their links.
-PAGES = ("memo_web.pages.teach", "memo_web.pages.replay")
+PAGES = (
+    "memo_web.pages.participant",
+    "memo_web.pages.teach",
+    "memo_web.pages.replay",
+    "memo_web.pages.why_pages",
+    "memo_web.pages.operator",
+)
 
 
 def application(view: RunView, allowed: Allowed) -> Any:

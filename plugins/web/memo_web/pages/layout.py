@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import attrs
 from nicegui import ui
@@ -53,18 +53,19 @@ class StopButton(Element, component="stop_button.js"):
 
 @attrs.define
 class Links:
-    """Pages in the navigation, in order: (address, title)."""
+    """Pages in the navigation, in order: (address, title, whether a visitor is shown the link)."""
 
-    shown: list[tuple[str, str]] = attrs.field(factory=list)
+    shown: list[tuple[str, str, Callable[[str], bool]]] = attrs.field(factory=list)
 
-    def add(self, address: str, title: str) -> None:
+    def add(self, address: str, title: str, for_visitor: Callable[[str], bool] = lambda who: True) -> None:
         """Show a page in the navigation of every page.
 
         Args:
             address: its path, such as ``/teach``.
             title: its name.
+            for_visitor: whether a visitor, by identity, is shown the link. The page has to check for itself.
         """
-        self.shown.append((address, title))
+        self.shown.append((address, title, for_visitor))
 
 
 LINKS = Links()
@@ -93,7 +94,9 @@ def framed(view: RunView, title: str) -> Iterator[None]:
         with ui.row().classes("items-center"):
             ui.label("MEMO").classes("text-h6")
             with ui.element("nav").classes("flex gap-3"):
-                for address, name in LINKS.shown:
+                for address, name, for_visitor in LINKS.shown:
+                    if not for_visitor(visitor()):
+                        continue
                     link = ui.link(name, address).classes("text-white")
                     if name == title:
                         link.props("aria-current=page").classes("text-bold")
@@ -102,3 +105,30 @@ def framed(view: RunView, title: str) -> Iterator[None]:
         ui.label("Not live: what you see is older than 0.5 s, or the connection is lost. The robot may be moving.")
     with ui.column().classes("w-full"):
         yield
+
+
+def for_owner(view: RunView, build: Callable[[], object]) -> None:
+    """Build a part of a page that only the owner of the session sees; taken away when another visitor becomes it.
+
+    Args:
+        view: the run.
+        build: builds the part.
+    """
+    me = visitor()
+    content = ui.column().classes("w-full")
+    shown: list[bool] = []
+
+    def refresh() -> None:
+        may = view.may_answer(me)
+        if shown == [may]:
+            return
+        shown[:] = [may]
+        content.clear()
+        with content:
+            if may:
+                build()
+            else:
+                ui.label("Somebody else teaches the robot now.").classes("text-h6")
+
+    refresh()
+    ui.timer(0.2, refresh)

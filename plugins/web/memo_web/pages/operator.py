@@ -11,17 +11,17 @@ from pathlib import Path
 from typing import Any
 
 import attrs
+from nicegui import run, ui
+
+from memo_core.plugin import MemoError
+from memo_core.skillbook import Entry, Feedback, Skillbook, explain
+from memo_core.study import export_study, load_study, status
 from memo_web.pages.layout import LINKS, framed, visitor
 from memo_web.pages.participant import time_left
 from memo_web.pages.run_view import AskFailed, RunView
 from memo_web.pages.study_state import OPERATOR, StudyState, study_of
 from memo_web.pages.text import heading, section, words
 from memo_web.pages.why_pages import entry_line
-from nicegui import run, ui
-
-from memo_core.plugin import MemoError
-from memo_core.skillbook import Entry, Feedback, Skillbook, explain
-from memo_core.study import export_study, load_study, status
 
 _WATCH_S = 1.0
 _READ_S = 3.0  # between two looks into journals and books

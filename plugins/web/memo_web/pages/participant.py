@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+from nicegui import ui
+
+from memo_core.plugin import LONGEST_WORDS
 from memo_web.pages.layout import LINKS, framed, visitor
 from memo_web.pages.run_view import AskFailed, RunView
 from memo_web.pages.study_state import OPERATOR, StudyState, study_of
 from memo_web.pages.teach import TeachingPage
 from memo_web.pages.text import heading, words
-from nicegui import ui
-
-from memo_core.plugin import LONGEST_WORDS
 
 _WATCH_S = 0.2
 QUESTIONS = {
@@ -162,8 +162,7 @@ def _show_task(view: RunView, study: StudyState, me: str) -> None:
         left = ui.label().classes("text-xl font-mono").props('role="timer"').mark("time-left")
 
     def refresh() -> None:
-        task = view.progress.get("instruction", "")
-        title.set_text(f"Task {study.shown.get('number', 1)} of this session: {task or 'it is being set up'}")
+        title.set_text(f"Task {study.shown.get('number', 1)} of this session")
         left.set_text(time_left(study))
 
     refresh()

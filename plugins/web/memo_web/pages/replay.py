@@ -8,7 +8,7 @@ from typing import Any
 
 from nicegui import ui
 
-from memo_web.pages.layout import LINKS, framed, visitor
+from memo_web.pages.layout import LINKS, for_owner, framed
 from memo_web.pages.run_view import Recording, RunView
 from memo_web.pages.scene3d import Scene3D
 
@@ -21,15 +21,12 @@ def add_pages(view: RunView) -> None:
     Args:
         view: the run.
     """
-    LINKS.add("/replay", "Look again")
+    LINKS.add("/replay", "Look again", view.may_answer)
 
     @ui.page("/replay")
     def replay() -> None:
         with framed(view, "Look again"):
-            if not view.may_answer(visitor()):
-                ui.label("Somebody else teaches the robot now.").classes("text-h6")
-                return
-            ReplayPage(view)
+            for_owner(view, lambda: ReplayPage(view))
 
 
 class ReplayPage:

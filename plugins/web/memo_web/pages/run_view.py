@@ -222,6 +222,15 @@ class RunView:
         else:
             asked.set_result(message["value"])
 
+    def clear(self) -> None:
+        """Forget what the run did, because another visitor's session begins."""
+        self.attempts, self.retrieved, self.question = [], None, None
+        self.code = self.writing = self.notice = ""
+        self.events.clear()
+        self.pictures = {}
+        self.progress = {}
+        self.version += 1
+
     @property
     def live(self) -> bool:
         """Whether what is shown of the robot is not older than ``FRESH_S``."""
@@ -326,7 +335,7 @@ class RunView:
         """Count the beats that tell pages that they are live, and note when nobody watches any more; never ends."""
         while True:
             await asyncio.sleep(0.1)
-            if self.live or self.stage is None and not self.lost:
+            if self.live or (self.stage is None and not self.lost):
                 self.beat += 1
             self._check_watchers()
 

@@ -6,6 +6,7 @@ import time
 from typing import Any
 
 import attrs
+
 from memo_web.pages.run_view import RunView
 
 OPERATOR = "operator"
@@ -78,6 +79,19 @@ class StudyState:
             Whether the visitor may.
         """
         return not self.held or self.role(visitor) == OPERATOR
+
+    def start_page(self, visitor: str) -> str:
+        """Where a visitor begins.
+
+        Args:
+            visitor: identity of the visitor.
+
+        Returns:
+            Path of a page.
+        """
+        if not self.held:
+            return "/teach"
+        return "/operator" if self.role(visitor) == OPERATOR else "/study"
 
 
 def study_of(view: RunView) -> StudyState:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -10,10 +9,11 @@ from fastapi.responses import RedirectResponse
 from nicegui import ui
 
 from memo_core.plugin import LONGEST_WORDS
-from memo_web.pages.layout import LINKS, framed, visitor
+from memo_web.pages.layout import LINKS, for_owner, framed, visitor
 from memo_web.pages.limits import LIMITS
 from memo_web.pages.run_view import FRESH_S, RunView
 from memo_web.pages.scene3d import Scene3D
+from memo_web.pages.study_state import study_of
 
 _STATUS = {"approved": "✔ worked", "corrected": "✎ corrected, never approved", "unobserved": "– nobody said"}
 _NEAR_MISSES = 5
@@ -26,19 +26,18 @@ def add_pages(view: RunView) -> None:
     Args:
         view: the run.
     """
-    LINKS.add("/teach", "Teach")
+    study = study_of(view)
+    LINKS.add("/teach", "Teach", lambda who: not study.held)
 
     @ui.page("/")
     def start() -> RedirectResponse:
-        return RedirectResponse("/teach")
+        return RedirectResponse(study.start_page(visitor()))
 
     @ui.page("/teach")
     def teach() -> None:
         with framed(view, "Teach"):
-            if not view.may_answer(visitor()):
-                ui.label("Somebody else teaches the robot now.").classes("text-h6")
-                return
-            TeachingPage(view, visitor())
+            me = visitor()
+            for_owner(view, lambda: TeachingPage(view, me))
 
 
 class TeachingPage:
@@ -80,8 +79,12 @@ class TeachingPage:
 
     # -- the field -----------------------------------------------------------------------------------------------------
     def _field(self) -> None:
-        self._words = ui.textarea(_REMARK).classes("w-full").props(
-            f'outlined autogrow counter maxlength={LONGEST_WORDS} data-testid=words input-style="min-height: 4rem"'
+        self._words = (
+            ui.textarea(_REMARK)
+            .classes("w-full")
+            .props(
+                f'outlined autogrow counter maxlength={LONGEST_WORDS} data-testid=words input-style="min-height: 4rem"'
+            )
         )
         self._words.on("keydown.ctrl.enter", lambda: self._send())
         with ui.row().classes("items-center"):
@@ -94,6 +97,8 @@ class TeachingPage:
         """Send the field's words, with a button's ``choice`` if one was pressed."""
         words = (self._words.value or "").strip()
         question = self._view.question
+        if not self._view.may_answer(self._who):
+            return
         if not choice and not words:
             ui.notify("Write what was wrong first.")
             return
@@ -137,6 +142,8 @@ class TeachingPage:
 
     def _move(self) -> None:
         view = self._view
+        if not view.may_answer(self._who):
+            return
         if self._changed("stage", view.stage_number):
             self._scene.build(view.stage)
             self._build_cameras()
@@ -146,6 +153,8 @@ class TeachingPage:
 
     def _follow(self) -> None:
         view = self._view
+        if not view.may_answer(self._who):
+            return
         self._show_activity()
         if not self._changed("version", view.version):
             return
@@ -185,9 +194,6 @@ class TeachingPage:
             attempt = f", attempt {progress['attempt']}" if progress["subtask"] else ""
             now = progress["activity"] or "…"
             words = f"{progress['subtask']}{attempt}: {now}" if progress["subtask"] else now
-        if (left := progress.get("time_left")) is not None:
-            left = max(0.0, left - (time.monotonic() - progress["heard"]))
-            words += f"   ({int(left // 60)} min {int(left % 60):02d} s left)"
         self._activity.text = words
         if self._changed("line", view.line):
             for number, label in enumerate(self._lines, 1):

@@ -7,15 +7,15 @@ from pathlib import Path
 from typing import TypeVar
 
 import attrs
+from nicegui import run, ui
+
+from memo_core.plugin import MemoError
+from memo_core.skillbook import Entry, Explanation, Forgotten, Skillbook, explain
 from memo_web.pages.layout import LINKS, framed, visitor
 from memo_web.pages.run_view import RunView
 from memo_web.pages.study_state import study_of
 from memo_web.pages.text import heading, local_time, program, section, words
 from memo_web.why import LONGEST_SEARCH, RunRecords, Use, check_quiet, search
-from nicegui import run, ui
-
-from memo_core.plugin import MemoError
-from memo_core.skillbook import Entry, Explanation, Forgotten, Skillbook, explain
 
 Result = TypeVar("Result")
 KINDS = {

@@ -20,9 +20,6 @@ from pathlib import Path
 from typing import Any
 
 import attrs
-from memo_web.robot_side.listening import listen
-from memo_web.robot_side.pages_process import PagesProcess, pages_process
-from memo_web.settings import WebSettings
 
 from memo_core.plugin import (
     LONGEST_WORDS,
@@ -35,6 +32,9 @@ from memo_core.plugin import (
     TimeLeft,
 )
 from memo_core.study import load_study
+from memo_web.robot_side.listening import listen
+from memo_web.robot_side.pages_process import PagesProcess, pages_process
+from memo_web.settings import WebSettings
 
 FILE = "browser.json"
 OPERATOR = "operator"

@@ -23,6 +23,7 @@ from memo_core.plugin import (
     Program,
     Proposal,
     ReadBack,
+    Reception,
     Stage,
     Stopped,
     TaskEpisode,
@@ -32,7 +33,8 @@ from memo_core.plugin import (
     meaning_of,
 )
 from memo_web.robot_side.live import Live
-from memo_web.robot_side.pages_process import PagesProcess, pages_process
+from memo_web.robot_side.pages_process import pages_process
+from memo_web.robot_side.study import StudyPages, WebReception, study_pages
 from memo_web.settings import WebSettings
 
 _POLL_S = 0.02
@@ -60,6 +62,7 @@ class WebTeacher(Teacher):
         self.settings = settings
         self._stage: Stage | None = None
         self._live: Live | None = None
+        self._session: StudyPages | None = None
         self._stop = _Stop()
         self._answers: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
         self._numbers = itertools.count(1)
@@ -73,6 +76,7 @@ class WebTeacher(Teacher):
         """Start the server if it does not run. Raises ``InvalidArgument``, ``BackendUnavailable``."""
         self.who = self.settings.who or login_name()
         self._pages = pages = pages_process(self.settings)
+        self._session = study_pages(self.settings, self.study) if self.study is not None else None
         self._undo = [pages.on("answer", self._take_answer), pages.on("remark", self._take_remark)]
         self._undo.append(pages.on("end", lambda message: self._end()))
 
@@ -81,6 +85,10 @@ class WebTeacher(Teacher):
         for undo in self._undo:
             undo()
         self._undo = []
+
+    @property
+    def reception(self) -> Reception | None:
+        return WebReception(self.settings, self.study) if self.study is not None else None
 
     @property
     def follows_motion(self) -> bool:
@@ -96,6 +104,9 @@ class WebTeacher(Teacher):
         pages.keep_stopped = self._keep_stopped
         pages.watchers_changed = self._watchers_changed
         pages.say_stop("clear")
+        pages.send("book", keep="book", url=stage.book)
+        if self._session is not None:
+            self._session.end_run = stage.end
         self._live = Live(stage, pages, self.settings.pictures_hz)
         if stage.simulator is None and not pages.watched:
             pages.send("notice", text="The robot waits until this page is watched.", keep="notice")
@@ -109,6 +120,8 @@ class WebTeacher(Teacher):
         pages = self._pages
         pages.stop_pressed, pages.keep_stopped = lambda press: None, lambda: None
         pages.watchers_changed = lambda present: None
+        if self._session is not None:
+            self._session.end_run = lambda: None
         live, self._live, self._stage = self._live, None, None
         if live is not None:
             live.close()
@@ -226,7 +239,14 @@ class WebTeacher(Teacher):
             self._pages.send("question", question=None)
 
     def _verdict(
-        self, about: str, title: str, yes: str, lines: Sequence[str], words: str, after_a_stop: bool = False, **more: Any
+        self,
+        about: str,
+        title: str,
+        yes: str,
+        lines: Sequence[str],
+        words: str,
+        after_a_stop: bool = False,
+        **more: Any,
     ) -> Verdict:
         """Ask for a verdict; words that may be praise or blame are asked back."""
         choices = (("approve", yes), _SILENCE)
@@ -237,7 +257,9 @@ class WebTeacher(Teacher):
         meaning = meaning_of(said) if answer.get("choice") != "correct" else "correct"
         if meaning == "unsure" or (meaning == "approve" and answer.get("choice") == "silent"):
             back = (("approve", yes), ("correct", "No, that is what is wrong"))
-            choice = self._ask("unsure", f"You wrote: {said}", back, ("Which do you mean?",), "", after_a_stop)["choice"]
+            choice = self._ask("unsure", f"You wrote: {said}", back, ("Which do you mean?",), "", after_a_stop)[
+                "choice"
+            ]
             meaning = "approve" if choice == "approve" else "correct"
         if meaning in ("approve", "silent"):
             return Verdict(meaning)  # type: ignore[arg-type]
