@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from nicegui import ui
+from fastapi.responses import HTMLResponse
+from nicegui import app, ui
 
 from memo_core.plugin import LONGEST_WORDS
 from memo_web.pages.layout import LINKS, framed, visitor
@@ -22,6 +23,13 @@ QUESTIONS = {
 }
 
 
+THANKS = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Thank you · MEMO</title></head>
+<body style="font-family: sans-serif; margin: 3rem"><h1>That was your session</h1>
+<p>Thank you for taking part. You may close this page.</p>
+<p>If you come again later: <a href="/study">your next session</a>.</p></body></html>
+"""  # without a connection that could be lost when the study ends
+
+
 def add_pages(view: RunView) -> None:
     """Add the pages of participants.
 
@@ -35,6 +43,10 @@ def add_pages(view: RunView) -> None:
     def enter(key: str) -> None:
         with framed(view, "Welcome"):
             _enter(view, study, key)
+
+    @app.get("/thanks")
+    def thanks() -> HTMLResponse:
+        return HTMLResponse(THANKS)
 
     @ui.page("/study")
     def session() -> None:
@@ -85,7 +97,6 @@ def show_session(view: RunView, study: StudyState, me: str) -> None:
         with content:
             _show(view, study, me, now)
 
-    refresh()
     ui.timer(_WATCH_S, refresh)
 
 
@@ -111,8 +122,7 @@ def _show(view: RunView, study: StudyState, me: str, state: tuple[Any, ...]) -> 
     elif state[0] == "task":
         _show_task(view, study, me)
     elif state[0] == "over":
-        heading(f"That was your session, {study.role(me)}")
-        words("Thank you for taking part. You may close this page.")
+        ui.navigate.to("/thanks")
     elif state[0] == "waiting":
         heading(f"Welcome, {study.role(me)}")
         words("Your session has not begun. This page goes on by itself when it is your turn.")

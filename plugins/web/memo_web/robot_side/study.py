@@ -7,6 +7,7 @@ is known from then on by the cookie of their browser, also after a restart: keys
 
 from __future__ import annotations
 
+import atexit
 import itertools
 import json
 import os
@@ -39,6 +40,7 @@ from memo_web.settings import WebSettings
 FILE = "browser.json"
 OPERATOR = "operator"
 _POLL_S = 0.05
+_FAREWELL_S = 1.5
 _MOST_VISITORS = 500  # browsers that are remembered
 
 
@@ -151,6 +153,7 @@ class StudyPages:
         pages.offer("study.answer", self._take_answer)
         pages.offer("study.pause", self._pause)
         listen(self._hear)
+        atexit.register(self._part)  # before the server is ended
         self._show()
         address = f"{pages.url}enter/{self.visitors.keys[OPERATOR]}"
         print(f"memo: the person who runs the study opens {address}", file=sys.stderr)
@@ -183,6 +186,11 @@ class StudyPages:
                 self.show(ends_at=time.time() + event.left_s)
             elif isinstance(event, SessionEnded):
                 self.show(phase="over", session_over=[*over, event.participant])
+
+    def _part(self) -> None:
+        """Give the last participant's page the time to go to the farewell, which needs no server."""
+        if self._state["phase"] == "over":
+            time.sleep(_FAREWELL_S)
 
     # -- from the pages ------------------------------------------------------------------------------------------------
     def _enter(self, key: str, visitor: str) -> str:

@@ -1,0 +1,182 @@
+"""Participants of a study in a real browser: they see their own session only, and nothing that they said is lost."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from memo_core.skillbook import Skillbook
+from tests.support.chromium import launched
+from tests.support.web_study import Operator, Participant, StudyCommand, Visitor
+
+pytestmark = [pytest.mark.process, pytest.mark.wire, pytest.mark.sim, pytest.mark.slow]
+
+HOSTILE = '<img src=x onerror="window.hacked=1"><script>window.hacked=1</script>{{7*7}}'
+FURTHER = f"pull further {HOSTILE}"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with launched() as running:
+        yield running
+
+
+def feedback_in(study: StudyCommand) -> list[tuple[str, str]]:
+    """Who said what, in the first history's book."""
+    with Skillbook(str(study.folder / "history-0" / "skillbook.db"), read_only=True) as book:
+        ids = book.sources([entry.id for entry in book.entries(superseded=True)])
+        said = {one.id: one for one in (*map(book.feedback, ids), *book.pending_feedback(parked=True))}
+    return [(one.who, one.words) for _, one in sorted(said.items()) if one.words]
+
+
+def unharmed(visitor: Visitor) -> None:
+    """Nothing that was typed ran as code, or became an element."""
+    assert not visitor.dialogs
+    assert visitor.page.evaluate(
+        "() => [window.hacked === undefined, document.querySelector('img[src=x]') === null]"
+    ) == [
+        True,
+        True,
+    ]
+
+
+def test_pages_closed_twice_a_killed_server_and_a_killed_command_lose_nothing(browser, tmp_path: Path):
+    with StudyCommand(tmp_path) as study:
+        operator = Operator(browser, study)
+        participant = Participant(browser, study, operator.address_of("P01"))
+        participant.sees("Do you want to take part?")
+        participant.close_and_come_back()
+        participant.agree()
+        participant.introduce(age="31", gender=HOSTILE, robots=HOSTILE, models="")
+        assert participant.asked() == "OPEN(cupboard), attempt 1. Did it work?"
+        assert re.search(r"Task 1 of this session\s+29:\d\d left", participant.says())
+        participant.close_and_come_back()
+        assert participant.asked() == "OPEN(cupboard), attempt 1. Did it work?"
+        with participant.loaded_anew():
+            study.kill_server()
+            participant.sees("Not live")
+        participant.answer(words=FURTHER)
+        assert participant.asked() == "I noted:"
+        participant.sees(FURTHER)
+        unharmed(participant)
+        with participant.loaded_anew():
+            study.kill()
+            study.resume()
+        assert participant.asked() == "I noted:"
+        assert re.search(r"Task 1 of this session\s+2\d:\d\d left", participant.says())
+        participant.answer("accept")
+        participant.approve_the_rest()
+        assert study.ended() == 0, study.printed
+        assert "Thank you for taking part" in participant.says()
+        assert feedback_in(study) == [("P01", FURTHER)]
+        lines = study.journal()
+        assert [line["participant"] for line in lines if "session" in line and "begin" not in line] == ["P01"]
+        assert [(line["reason"], line["corrections"]) for line in lines if "end" in line] == [
+            ("the planner says that the task is done", 1)
+        ]
+        told = [json.loads(line) for line in (study.folder / "people.jsonl").read_text().splitlines()]
+        assert told == [
+            {"participant": "P01", "age": 31, "gender": HOSTILE, "robots": HOSTILE, "language_models": None}
+        ]
+
+
+def test_each_sees_their_own_session_and_the_operator_what_was_said_and_can_forget_it(browser, tmp_path: Path):
+    with StudyCommand(tmp_path, ("P01", "P02"), rounds=2, minutes=0.02) as study:
+        operator = Operator(browser, study)
+        first = Participant(browser, study, operator.address_of("P01"))
+        second = Participant(browser, study, operator.address_of("P02"))
+        stranger = Visitor(browser, study)
+        second.sees("Your session has not begun")
+        first.agree()
+        first.introduce()
+        first.asked()
+        for other in (second, stranger):
+            for path in ("teach", "replay"):
+                assert "Somebody else teaches the robot now." in other.go(path), path
+            for path in ("operator", "why", "why/1"):
+                assert "for the person who runs the study" in other.go(path), path
+            assert other.page.goto(f"{study.url}picture/front").status == 404
+        assert "cupboard" not in second.go("study") and "Nobody's session" in stranger.go("study")
+        assert "nobody's in this study" in stranger.go("enter/0000000000000000000000")
+        assert first.page.request.get(f"{study.url}picture/front").status == 200
+        assert "for the person who runs the study" in Visitor.go(second, "why")
+        second.go("study")
+        first.answer(words=FURTHER)
+        first.answer("accept")
+        first.sees("Thank you for taking part")
+        second.sees("Do you want to take part?")
+        assert "pull further" not in second.says()
+        _see_why(operator)
+        _export(operator)
+        _forget(operator, study)
+        operator.go("operator")
+        operator.press("Pause the study …")
+        operator.press("Pause now")
+        assert study.ended() == 130 and "to continue: memo study resume" in study.printed
+        for one in (operator, first, second, stranger):
+            unharmed(one)
+
+
+def _see_why(operator: Operator) -> None:
+    """The list, a search, and the page of what was noted."""
+    operator.go("operator")
+    operator.sees("pull further")
+    assert "between sessions" not in operator.says() and "P02 · reading the consent text" in operator.says()
+    operator.go("why")
+    assert "1 entry" in operator.says() and "OPEN(cupboard)" in operator.says()
+    operator.fill("words", "drawer")
+    operator.sees("Nothing was found.")
+    operator.fill("words", "FURTHER cupboard")
+    operator.sees("1 entry")
+    operator.page.get_by_role("link", name="correction 1").click()
+    operator.sees("What people said")
+    shown = operator.says()
+    assert shown.count(FURTHER) >= 2, "the note, and the words that it was made of"
+    for text in ("P01", "about OPEN(cupboard)", 'in "open the cupboard"', "Read back to P01", "accepted"):
+        assert text in shown, text
+    assert "It was not retrieved yet." in shown
+    operator.press("The program that this was said about")
+    operator.sees("open_gripper")
+    unharmed(operator)
+    assert "no entry" in operator.go("why/999").lower()
+
+
+def _export(operator: Operator) -> None:
+    """The archive has the words; ids only where they are asked for."""
+    operator.go("operator")
+    for with_ids in (False, True):
+        if with_ids:
+            operator.page.get_by_label("with ids").click()
+        with operator.page.expect_download() as download:
+            operator.press("Export")
+        files = zipfile.ZipFile(io.BytesIO(Path(download.value.path()).read_bytes()))
+        assert ("people.jsonl" in files.namelist()) == with_ids
+        [remark] = [json.loads(line) for line in files.read("remarks.jsonl").splitlines()]
+        assert remark["words"] == FURTHER and ("participant" in remark) == with_ids
+
+
+def _forget(operator: Operator, study: StudyCommand) -> None:
+    """Only by the person's id, typed once more."""
+    operator.go("why")
+    operator.page.get_by_label("person").click()
+    operator.page.get_by_role("option", name="P01").click()
+    operator.press("Forget …")
+    operator.fill("type P01 to confirm", "P1")
+    operator.press("Forget for good")
+    operator.sees("exactly as it is written")
+    assert feedback_in(study) == [("P01", FURTHER)]
+    operator.fill("type P01 to confirm", "P01")
+    operator.press("Forget for good")
+    operator.sees("P01 is forgotten")
+    operator.sees("Nothing was found.")
+    assert feedback_in(study) == []
+    for file in study.folder.rglob("*"):
+        if file.is_file() and file.name not in ("skillbook.db",):
+            assert b"pull further" not in file.read_bytes(), file
