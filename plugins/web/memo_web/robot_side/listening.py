@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 
 from memo_core.plugin import Event
 
 _LISTENERS: list[Callable[[Event], None]] = []
+_RECENT: deque[Event] = deque(maxlen=50)  # of the run that began last: a server may be started after its first events
 
 
 def pages_hear(event: Event) -> None:
@@ -15,18 +17,24 @@ def pages_hear(event: Event) -> None:
     Args:
         event: an event of a run, in the thread that caused it.
     """
+    if type(event).__name__ in ("RunStarted", "RunResumed"):
+        _RECENT.clear()
+    _RECENT.append(event)
     for listener in tuple(_LISTENERS):
         listener(event)
 
 
-def listen(listener: Callable[[Event], None]) -> Callable[[], None]:
+def listen(listener: Callable[[Event], None], recent: bool = False) -> Callable[[], None]:
     """Have a function called with every event.
 
     Args:
         listener: called in the thread that causes the event.
+        recent: call it now with the events of the run that began last, the last 50 at most.
 
     Returns:
         Function that ends this.
     """
+    for event in tuple(_RECENT) if recent else ():
+        listener(event)
     _LISTENERS.append(listener)
     return lambda: _LISTENERS.remove(listener)
