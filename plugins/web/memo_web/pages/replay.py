@@ -145,4 +145,6 @@ class ReplayPage:
                 if 0 < which <= len(self._lines):
                     label = self._lines[which - 1]
                     label.classes(add="now") if add else label.classes(remove="now")
+                    if add:
+                        label.run_method("scrollIntoView", {"block": "nearest"})
             self._line = line

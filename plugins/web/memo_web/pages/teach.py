@@ -64,6 +64,7 @@ class TeachingPage:
                 self._task = ui.label().classes("text-h6 memo-text").props("data-testid=task")
                 self._activity = ui.label().classes("memo-text").props("role=status data-testid=activity")
                 self._notice = ui.label().classes("text-bold memo-text")
+                self._offers = ui.column().classes("w-full gap-1")
                 self._question = ui.column().classes("w-full gap-1").props("data-testid=question aria-live=polite")
                 self._field()
                 self._done = ui.column().classes("w-full gap-0").props("data-testid=done")
@@ -167,10 +168,8 @@ class TeachingPage:
         self._task.text = f"Task: {said}" if said else "No task yet"
         self._notice.text = view.notice or (f"No pictures: {view.no_pictures}" if view.no_pictures else "")
         self._end.set_visibility(view.stage is not None)
-        if view.stage is None and self._changed("offers", view.offers) | self._changed("running", False):
+        if self._changed("offers", (view.offers, view.stage is None)):
             self._show_offers()
-        elif view.stage is not None and self._changed("running", True):
-            self._shown.pop("question", None)
 
     def _show_activity(self) -> None:
         view = self._view
@@ -198,6 +197,7 @@ class TeachingPage:
         question = self._view.question
         self._question.clear()
         self._marks, self._plan = [], None
+        self._question.props(f"data-asked={question['id'] if question else 0}")
         self._words.props(f'label="{question["words"] or _REMARK}"' if question else f'label="{_REMARK}"')
         if question is None:
             return
@@ -220,10 +220,10 @@ class TeachingPage:
     def _show_offers(self) -> None:
         """What can be begun here, while no run goes on."""
         offers = self._view.offers
-        self._question.clear()
-        if not offers:
+        self._offers.clear()
+        if not offers or self._view.stage is not None:
             return
-        with self._question:
+        with self._offers:
             if offers.get("why_not"):
                 ui.label(offers["why_not"]).classes("memo-text")
                 return
