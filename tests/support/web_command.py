@@ -20,7 +20,8 @@ class WebCommand:
     def __init__(self, folder: Path, *arguments: str, environment: dict[str, str] | None = None) -> None:
         self.folder = folder
         self._command = [
-            sys.executable, "-c", "from memo_core.cli.main import main; main()", "web", *arguments, "--set", "teacher.port=0"
+            sys.executable, "-c", "from memo_core.cli.main import main; main()",
+            "web", *arguments, "--set", "teacher.port=0",
         ]  # fmt: skip
         self._environment = os.environ | (environment or {})
         self.printed = ""

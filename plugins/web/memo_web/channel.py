@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import socket
 import struct
@@ -35,7 +36,9 @@ class Channel:
         Raises:
             OSError: if the other side is gone.
         """
-        text = json.dumps({"kind": kind, **fields}, ensure_ascii=False).encode("utf-8", "replace")  # half a character is "?"
+        text = json.dumps({"kind": kind, **fields}, ensure_ascii=False).encode(
+            "utf-8", "replace"
+        )  # half a character is "?"
         with self._sending:
             self._link.sendall(_LENGTHS.pack(len(text), len(blob)) + text + blob)
 
@@ -122,8 +125,6 @@ class StopLine:
 
 
 def _close(link: socket.socket) -> None:
-    try:
+    with contextlib.suppress(OSError):
         link.shutdown(socket.SHUT_RDWR)
-    except OSError:
-        pass
     link.close()

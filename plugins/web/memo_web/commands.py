@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 _POLL_S = 0.2
 _INTERRUPTED = 130
 _NOT_FROM_HERE = (
-    "A real robot is begun at its terminal: memo run --teacher web. With teacher.starts_motion=true it can be begun here."
+    "A real robot is begun at its terminal: memo run --teacher web. "
+    "With teacher.starts_motion=true it can be begun here."
 )
 
 

@@ -82,7 +82,9 @@ class WebSettings:
         token = os.environ.get(self.token_env, "") if self.token_env else ""
         if not self.local and not token:
             right = f"{self.token_env or 'token_env'}={secrets.token_urlsafe(24)} in the environment, for example"
-            raise InvalidArgument("address", f"{self.address!r} can be reached by other machines, without a token", right)
+            raise InvalidArgument(
+                "address", f"{self.address!r} can be reached by other machines, without a token", right
+            )
         if not self.local and not (self.tls_certificate or self.proxy):
             problem = f"{self.address!r} can be reached by other machines, without encryption"
             raise InvalidArgument("address", problem, "tls_certificate and tls_key, or proxy=https://NAME")

@@ -52,9 +52,7 @@ async def _serve(channel: Channel, stop_line: StopLine, listening: socket.socket
 
     port = listening.getsockname()[1]
     tls = bool(settings["certificate"])
-    allowed = allowed_for(
-        settings["address"], port, settings["names"], settings["proxy"], settings["token"], tls
-    )
+    allowed = allowed_for(settings["address"], port, settings["names"], settings["proxy"], settings["token"], tls)
     view = RunView(channel, stop_line, asyncio.get_running_loop())
     config = uvicorn.Config(
         application(view, allowed),
@@ -88,7 +86,9 @@ def _address(settings: dict[str, Any], port: int, tls: bool) -> str:
     """Where a person opens the pages; without the token."""
     if settings["proxy"]:
         return str(settings["proxy"]).rstrip("/") + "/"
-    address = settings["address"] if settings["address"] not in ("0.0.0.0", "::") else (settings["names"] or ["localhost"])[0]
+    address = (
+        settings["address"] if settings["address"] not in ("0.0.0.0", "::") else (settings["names"] or ["localhost"])[0]
+    )
     plain = f"[{address}]" if ":" in address else address
     return f"{'https' if tls else 'http'}://{plain}:{port}/"
 

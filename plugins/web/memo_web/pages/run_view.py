@@ -111,8 +111,14 @@ class RunView:
             while True:
                 message, blob = self.channel.receive()
                 self.loop.call_soon_threadsafe(self.take, message, blob)
-        except (EOFError, RuntimeError):  # RuntimeError: the loop is closed
+        except EOFError:
+            self.loop.call_soon_threadsafe(self._end)
+        except RuntimeError:  # the loop is closed
             pass
+
+    def _end(self) -> None:
+        self.lost = True
+        self.version += 1
 
     def _read_stops(self) -> None:
         try:
@@ -328,7 +334,7 @@ class RunView:
         """Count the beats that tell pages that they are live, and note when nobody watches any more; never ends."""
         while True:
             await asyncio.sleep(0.1)
-            if self.live or self.stage is None and not self.lost:
+            if self.live or (self.stage is None and not self.lost):
                 self.beat += 1
             self._check_watchers()
 

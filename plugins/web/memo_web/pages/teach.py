@@ -81,8 +81,12 @@ class TeachingPage:
 
     # -- the field -----------------------------------------------------------------------------------------------------
     def _field(self) -> None:
-        self._words = ui.textarea(_REMARK).classes("w-full").props(
-            f'outlined autogrow counter maxlength={LONGEST_WORDS} data-testid=words input-style="min-height: 4rem"'
+        self._words = (
+            ui.textarea(_REMARK)
+            .classes("w-full")
+            .props(
+                f'outlined autogrow counter maxlength={LONGEST_WORDS} data-testid=words input-style="min-height: 4rem"'
+            )
         )
         self._words.on("keydown.ctrl.enter", lambda: self._send())
         with ui.row().classes("items-center"):
@@ -123,10 +127,14 @@ class TeachingPage:
         self._words.value = ""
 
     def _ask_to_end(self) -> None:
+        def end() -> None:
+            self._view.tell("end")
+            dialog.close()
+
         with ui.dialog(value=True) as dialog, ui.card():
             ui.label("Stop the robot and end this run? Everything is kept, and it can be resumed.")
             with ui.row():
-                ui.button("End it", on_click=lambda: (self._view.tell("end"), dialog.close()))
+                ui.button("End it", on_click=end)
                 ui.button("Go on", on_click=dialog.close).props("flat")
 
     # -- following the run ---------------------------------------------------------------------------------------------

@@ -32,7 +32,7 @@ from memo_core.plugin import (
     meaning_of,
 )
 from memo_web.robot_side.live import Live
-from memo_web.robot_side.pages_process import PagesProcess, pages_process
+from memo_web.robot_side.pages_process import pages_process
 from memo_web.settings import WebSettings
 
 _POLL_S = 0.02
@@ -226,7 +226,14 @@ class WebTeacher(Teacher):
             self._pages.send("question", question=None)
 
     def _verdict(
-        self, about: str, title: str, yes: str, lines: Sequence[str], words: str, after_a_stop: bool = False, **more: Any
+        self,
+        about: str,
+        title: str,
+        yes: str,
+        lines: Sequence[str],
+        words: str,
+        after_a_stop: bool = False,
+        **more: Any,
     ) -> Verdict:
         """Ask for a verdict; words that may be praise or blame are asked back."""
         choices = (("approve", yes), _SILENCE)
@@ -237,10 +244,12 @@ class WebTeacher(Teacher):
         meaning = meaning_of(said) if answer.get("choice") != "correct" else "correct"
         if meaning == "unsure" or (meaning == "approve" and answer.get("choice") == "silent"):
             back = (("approve", yes), ("correct", "No, that is what is wrong"))
-            choice = self._ask("unsure", f"You wrote: {said}", back, ("Which do you mean?",), "", after_a_stop)["choice"]
+            choice = self._ask("unsure", f"You wrote: {said}", back, ("Which do you mean?",), "", after_a_stop)[
+                "choice"
+            ]
             meaning = "approve" if choice == "approve" else "correct"
         if meaning in ("approve", "silent"):
-            return Verdict(meaning)  # type: ignore[arg-type]
+            return Verdict(meaning)
         if meaning in ("empty", "explain"):
             return self._verdict(about, title, yes, lines, words, after_a_stop, **more)
         return Verdict("correct", said, bool(answer.get("about_plan")))
