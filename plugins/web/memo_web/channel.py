@@ -104,10 +104,10 @@ class StopLine:
         Yields:
             A line without its end.
         """
-        self._link.settimeout(every)
         rest = b""
         while True:
             try:
+                self._link.settimeout(every)
                 got = self._link.recv(4096)
             except TimeoutError:
                 yield ""

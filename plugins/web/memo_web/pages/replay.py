@@ -29,19 +29,20 @@ def add_pages(view: RunView) -> None:
             if not view.may_answer(visitor()):
                 ui.label("Somebody else teaches the robot now.").classes("text-h6")
                 return
-            ReplayPage(view)
+            ReplayPage(view, visitor())
 
 
 class ReplayPage:
     """The elements of one visitor's page."""
 
-    def __init__(self, view: RunView) -> None:
+    def __init__(self, view: RunView, who: str) -> None:
         """Build the page.
 
         Args:
             view: the run.
+            who: identity of the visitor.
         """
-        self._view = view
+        self._view, self._who = view, who
         self._stage = -1
         self._count = -1
         self._recording: Recording | None = None
@@ -68,6 +69,9 @@ class ReplayPage:
 
     def _tick(self) -> None:
         view = self._view
+        if not view.may_answer(self._who):  # the session became another visitor's
+            ui.navigate.reload()
+            return
         if view.stage is not None and view.stage_number != self._stage:
             self._stage = view.stage_number
             self._scene.build(view.stage)

@@ -288,7 +288,7 @@ class RunView:
         Args:
             press: what tells one press from another; the same one again does nothing.
         """
-        press = "".join(c for c in press[:40] if c.isalnum()) or str(next(self._numbers))
+        press = "".join(c for c in press[:40] if c.isascii() and c.isalnum()) or f"unnamed{next(self._numbers)}"
         if press in self._presses:
             return
         self._presses.append(press)

@@ -97,6 +97,8 @@ class TeachingPage:
 
     def _send(self, choice: str = "") -> None:
         """Send the field's words, with a button's ``choice`` if one was pressed."""
+        if not self._view.may_answer(self._who):
+            return
         words = (self._words.value or "").strip()
         question = self._view.question
         if not choice and not words:
@@ -146,6 +148,8 @@ class TeachingPage:
 
     def _move(self) -> None:
         view = self._view
+        if not view.may_answer(self._who):
+            return
         if self._changed("stage", view.stage_number):
             self._scene.build(view.stage)
             self._build_cameras()
@@ -155,6 +159,9 @@ class TeachingPage:
 
     def _follow(self) -> None:
         view = self._view
+        if not view.may_answer(self._who):  # the session became another visitor's
+            ui.navigate.reload()
+            return
         self._show_activity()
         if not self._changed("version", view.version):
             return
