@@ -552,7 +552,7 @@ class _Run:
         if teacher is None:
             yield
             return
-        simulated = isinstance(world, SimulatedEnvironment)
+        simulated = world if isinstance(world, SimulatedEnvironment) else None
         stage = Stage(
             robot=world.robot,
             link=world.link,
@@ -560,8 +560,8 @@ class _Run:
             folder=self.folder.path,
             stop=self.supervisor.stop.press,
             end=self.supervisor.end,
-            simulator=world.simulator if simulated else None,
-            scene=world.description if simulated else None,
+            simulator=simulated.simulator if simulated else None,
+            scene=simulated.description if simulated else None,
             book=self.components.book.url if self.components.book is not None else "",
         )
         try:

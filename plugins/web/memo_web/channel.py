@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import socket
 import struct
@@ -103,10 +104,10 @@ class StopLine:
         Yields:
             A line without its end.
         """
-        self._link.settimeout(every)
         rest = b""
         while True:
             try:
+                self._link.settimeout(every)
                 got = self._link.recv(4096)
             except TimeoutError:
                 yield ""
@@ -124,8 +125,6 @@ class StopLine:
 
 
 def _close(link: socket.socket) -> None:
-    try:
+    with contextlib.suppress(OSError):
         link.shutdown(socket.SHUT_RDWR)
-    except OSError:
-        pass
     link.close()

@@ -100,8 +100,9 @@ class Guard:
             return "without an origin nothing is done"
         if origin is not None and origin.lower() not in self._allowed.origins:
             return "this comes from another site"
-        if scope["type"] == "http" and int(headers.get("content-length") or 0) > _LARGEST_BODY:
-            return "this is too long"
+        length = headers.get("content-length", "0")
+        if not length.isdecimal() or int(length[:20]) > _LARGEST_BODY:
+            return "this is too long, or does not say how long it is"
         if acts and self._allowed.token and not self._has_token(_cookies(headers)):
             return "the token is missing"
         return None

@@ -105,30 +105,3 @@ def framed(view: RunView, title: str) -> Iterator[None]:
         ui.label("Not live: what you see is older than 0.5 s, or the connection is lost. The robot may be moving.")
     with ui.column().classes("w-full"):
         yield
-
-
-def for_owner(view: RunView, build: Callable[[], object]) -> None:
-    """Build a part of a page that only the owner of the session sees; taken away when another visitor becomes it.
-
-    Args:
-        view: the run.
-        build: builds the part.
-    """
-    me = visitor()
-    content = ui.column().classes("w-full")
-    shown: list[bool] = []
-
-    def refresh() -> None:
-        may = view.may_answer(me)
-        if shown == [may]:
-            return
-        shown[:] = [may]
-        content.clear()
-        with content:
-            if may:
-                build()
-            else:
-                ui.label("Somebody else teaches the robot now.").classes("text-h6")
-
-    refresh()
-    ui.timer(0.2, refresh)

@@ -8,7 +8,7 @@ from typing import Any
 
 from nicegui import ui
 
-from memo_web.pages.layout import LINKS, for_owner, framed
+from memo_web.pages.layout import LINKS, framed, visitor
 from memo_web.pages.run_view import Recording, RunView
 from memo_web.pages.scene3d import Scene3D
 
@@ -26,19 +26,23 @@ def add_pages(view: RunView) -> None:
     @ui.page("/replay")
     def replay() -> None:
         with framed(view, "Look again"):
-            for_owner(view, lambda: ReplayPage(view))
+            if not view.may_answer(visitor()):
+                ui.label("Somebody else teaches the robot now.").classes("text-h6")
+                return
+            ReplayPage(view, visitor())
 
 
 class ReplayPage:
     """The elements of one visitor's page."""
 
-    def __init__(self, view: RunView) -> None:
+    def __init__(self, view: RunView, who: str) -> None:
         """Build the page.
 
         Args:
             view: the run.
+            who: identity of the visitor.
         """
-        self._view = view
+        self._view, self._who = view, who
         self._stage = -1
         self._count = -1
         self._recording: Recording | None = None
@@ -65,6 +69,9 @@ class ReplayPage:
 
     def _tick(self) -> None:
         view = self._view
+        if not view.may_answer(self._who):  # the session became another visitor's
+            ui.navigate.reload()
+            return
         if view.stage is not None and view.stage_number != self._stage:
             self._stage = view.stage_number
             self._scene.build(view.stage)
@@ -142,4 +149,6 @@ class ReplayPage:
                 if 0 < which <= len(self._lines):
                     label = self._lines[which - 1]
                     label.classes(add="now") if add else label.classes(remove="now")
+                    if add:
+                        label.run_method("scrollIntoView", {"block": "nearest"})
             self._line = line

@@ -21,6 +21,7 @@ _FRAMES = 12_000  # of one recording: ten minutes
 _LOG = 400  # events that are kept
 _ASK_S = 30.0
 _KNOWN_PRESSES = 64
+_MOVED = 1e-4  # m, or of a quaternion: less is no motion
 
 
 class AskFailed(Exception):
@@ -90,7 +91,7 @@ class RunView:
     offers: dict[str, Any] = attrs.field(factory=dict)  # what the run's process can begin (``memo web``)
     more: dict[str, Any] = attrs.field(factory=dict)  # state of further pages, by their name
     _heard: float = 0.0
-    _moved: float = 0.0  # when the poses came
+    _moved: float = 0.0  # when the last poses came that were new
     _current: bool = True
     _handlers: dict[str, list[Callable[[dict[str, Any], bytes], None]]] = attrs.field(factory=dict)
     _asked: dict[int, asyncio.Future[Any]] = attrs.field(factory=dict)
@@ -110,8 +111,14 @@ class RunView:
             while True:
                 message, blob = self.channel.receive()
                 self.loop.call_soon_threadsafe(self.take, message, blob)
-        except (EOFError, RuntimeError):  # RuntimeError: the loop is closed
+        except EOFError:
+            self.loop.call_soon_threadsafe(self._end)
+        except RuntimeError:  # the loop is closed
             pass
+
+    def _end(self) -> None:
+        self.lost = True
+        self.version += 1
 
     def _read_stops(self) -> None:
         try:
@@ -161,10 +168,11 @@ class RunView:
         self.meshes[message["number"]] = blob
 
     def _take_frame(self, message: dict[str, Any], blob: bytes) -> None:
-        self.poses = np.frombuffer(blob, np.float32).reshape(-1, 7)
+        before, self.poses = self.poses, np.frombuffer(blob, np.float32).reshape(-1, 7)
         self.line = message["line"]
         self.poses_number += 1
-        self._moved = time.monotonic()
+        if before is None or before.shape != self.poses.shape or np.abs(before - self.poses).max(initial=0.0) > _MOVED:
+            self._moved = time.monotonic()
         if self.attempts and len(self.attempts[-1].times) < _FRAMES:
             last = self.attempts[-1]
             last.times.append(message["time"])
@@ -289,7 +297,7 @@ class RunView:
         Args:
             press: what tells one press from another; the same one again does nothing.
         """
-        press = "".join(c for c in press[:40] if c.isalnum()) or str(next(self._numbers))
+        press = "".join(c for c in press[:40] if c.isascii() and c.isalnum()) or f"unnamed{next(self._numbers)}"
         if press in self._presses:
             return
         self._presses.append(press)

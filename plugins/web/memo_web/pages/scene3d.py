@@ -30,7 +30,8 @@ class Scene3D:
         self._bodies: list[Any] = []
         self._shown = np.zeros((0, 7), np.float32)
         with ui.column().classes("w-full gap-1"):
-            self.scene = ui.scene(width=640, height=height, grid=False, background_color="#e8ecf0", fps=20)
+            camera = ui.scene.perspective_camera(fov=45)
+            self.scene = ui.scene(640, height, grid=False, camera=camera, background_color="#e8ecf0", fps=20)
             self.scene.classes("w-full memo-live").props('aria-label="The robot and its scene in 3-D" role=img')
             with ui.row().classes("items-center gap-1"):
                 ui.label("View:").classes("text-caption")

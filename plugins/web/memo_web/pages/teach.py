@@ -9,7 +9,7 @@ from fastapi.responses import RedirectResponse
 from nicegui import ui
 
 from memo_core.plugin import LONGEST_WORDS
-from memo_web.pages.layout import LINKS, for_owner, framed, visitor
+from memo_web.pages.layout import LINKS, framed, visitor
 from memo_web.pages.limits import LIMITS
 from memo_web.pages.run_view import FRESH_S, RunView
 from memo_web.pages.scene3d import Scene3D
@@ -36,8 +36,10 @@ def add_pages(view: RunView) -> None:
     @ui.page("/teach")
     def teach() -> None:
         with framed(view, "Teach"):
-            me = visitor()
-            for_owner(view, lambda: TeachingPage(view, me))
+            if not view.may_answer(visitor()):
+                ui.label("Somebody else teaches the robot now.").classes("text-h6")
+                return
+            TeachingPage(view, visitor())
 
 
 class TeachingPage:
@@ -63,6 +65,7 @@ class TeachingPage:
                 self._task = ui.label().classes("text-h6 memo-text").props("data-testid=task")
                 self._activity = ui.label().classes("memo-text").props("role=status data-testid=activity")
                 self._notice = ui.label().classes("text-bold memo-text")
+                self._offers = ui.column().classes("w-full gap-1")
                 self._question = ui.column().classes("w-full gap-1").props("data-testid=question aria-live=polite")
                 self._field()
                 self._done = ui.column().classes("w-full gap-0").props("data-testid=done")
@@ -95,10 +98,10 @@ class TeachingPage:
 
     def _send(self, choice: str = "") -> None:
         """Send the field's words, with a button's ``choice`` if one was pressed."""
-        words = (self._words.value or "").strip()
-        question = self._view.question
         if not self._view.may_answer(self._who):
             return
+        words = (self._words.value or "").strip()
+        question = self._view.question
         if not choice and not words:
             ui.notify("Write what was wrong first.")
             return
@@ -127,10 +130,14 @@ class TeachingPage:
         self._words.value = ""
 
     def _ask_to_end(self) -> None:
+        def end() -> None:
+            self._view.tell("end")
+            dialog.close()
+
         with ui.dialog(value=True) as dialog, ui.card():
             ui.label("Stop the robot and end this run? Everything is kept, and it can be resumed.")
             with ui.row():
-                ui.button("End it", on_click=lambda: (self._view.tell("end"), dialog.close()))
+                ui.button("End it", on_click=end)
                 ui.button("Go on", on_click=dialog.close).props("flat")
 
     # -- following the run ---------------------------------------------------------------------------------------------
@@ -153,7 +160,8 @@ class TeachingPage:
 
     def _follow(self) -> None:
         view = self._view
-        if not view.may_answer(self._who):
+        if not view.may_answer(self._who):  # the session became another visitor's
+            ui.navigate.reload()
             return
         self._show_activity()
         if not self._changed("version", view.version):
@@ -176,10 +184,8 @@ class TeachingPage:
         self._task.text = f"Task: {said}" if said else "No task yet"
         self._notice.text = view.notice or (f"No pictures: {view.no_pictures}" if view.no_pictures else "")
         self._end.set_visibility(view.stage is not None)
-        if view.stage is None and self._changed("offers", view.offers) | self._changed("running", False):
+        if self._changed("offers", (view.offers, view.stage is None)):
             self._show_offers()
-        elif view.stage is not None and self._changed("running", True):
-            self._shown.pop("question", None)
 
     def _show_activity(self) -> None:
         view = self._view
@@ -204,6 +210,7 @@ class TeachingPage:
         question = self._view.question
         self._question.clear()
         self._marks, self._plan = [], None
+        self._question.props(f"data-asked={question['id'] if question else 0}")
         self._words.props(f'label="{question["words"] or _REMARK}"' if question else f'label="{_REMARK}"')
         if question is None:
             return
@@ -226,10 +233,10 @@ class TeachingPage:
     def _show_offers(self) -> None:
         """What can be begun here, while no run goes on."""
         offers = self._view.offers
-        self._question.clear()
-        if not offers:
+        self._offers.clear()
+        if not offers or self._view.stage is not None:
             return
-        with self._question:
+        with self._offers:
             if offers.get("why_not"):
                 ui.label(offers["why_not"]).classes("memo-text")
                 return

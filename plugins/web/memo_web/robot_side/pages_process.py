@@ -70,7 +70,7 @@ class PagesProcess:
     def start(self) -> None:
         """Start the server and wait until it listens. Raises ``BackendUnavailable`` if it does not."""
         self._connect()
-        self._unlisten = listen(self._hear)
+        self._unlisten = listen(self._hear, recent=True)
 
     def close(self) -> None:
         """End the server. Idempotent."""
@@ -323,6 +323,8 @@ def pages_process(settings: WebSettings) -> PagesProcess:
     if _current.pages is None or _current.pages.lost:
         pages = PagesProcess(settings)
         pages.start()
+        token = f"?token=…, the value of {settings.token_env}" if settings.checked_token() else ""
+        print(f"memo: teach at {pages.url}{token}", file=sys.stderr, flush=True)
         _current.pages = pages
         atexit.register(pages.close)
     return _current.pages

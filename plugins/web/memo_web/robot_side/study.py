@@ -33,7 +33,7 @@ from memo_core.plugin import (
     TimeLeft,
 )
 from memo_core.study import load_study
-from memo_web.robot_side.listening import listen
+from memo_web.robot_side.listening import listen, session_task
 from memo_web.robot_side.pages_process import PagesProcess, pages_process
 from memo_web.settings import WebSettings
 
@@ -152,6 +152,8 @@ class StudyPages:
         pages.offer("study.enter", self._enter)
         pages.offer("study.answer", self._take_answer)
         pages.offer("study.pause", self._pause)
+        if (known := session_task()) is not None:
+            self._begin_task(known[1], known[0])
         listen(self._hear)
         atexit.register(self._part)  # before the server is ended
         self._show()
@@ -176,16 +178,19 @@ class StudyPages:
         self.pages.send("study", keep="study", study={**shared, **self._state, "owner": owner, "token": token})
 
     def _hear(self, event: Event) -> None:
+        if isinstance(event, SessionTask):
+            self._begin_task(event, time.time())
+        elif isinstance(event, TimeLeft):
+            self.show(ends_at=time.time() + event.left_s)
+        elif isinstance(event, SessionEnded):
+            with self._lock:
+                self.show(phase="over", session_over=[*self._state["session_over"], event.participant])
+
+    def _begin_task(self, event: SessionTask, when: float) -> None:
+        task = {"session": event.session, "number": event.number, "participant": event.participant}
         with self._lock:
-            over = list(self._state["session_over"])
-            if isinstance(event, SessionTask):
-                task = {"session": event.session, "number": event.number, "participant": event.participant}
-                over = [one for one in over if one != event.participant]
-                self.show(phase="task", session_over=over, ends_at=time.time() + event.left_s, **task)
-            elif isinstance(event, TimeLeft):
-                self.show(ends_at=time.time() + event.left_s)
-            elif isinstance(event, SessionEnded):
-                self.show(phase="over", session_over=[*over, event.participant])
+            over = [one for one in self._state["session_over"] if one != event.participant]
+            self.show(phase="task", session_over=over, ends_at=when + event.left_s, **task)
 
     def _part(self) -> None:
         """Give the last participant's page the time to go to the farewell, which needs no server."""

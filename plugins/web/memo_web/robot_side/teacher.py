@@ -262,7 +262,7 @@ class WebTeacher(Teacher):
             ]
             meaning = "approve" if choice == "approve" else "correct"
         if meaning in ("approve", "silent"):
-            return Verdict(meaning)  # type: ignore[arg-type]
+            return Verdict(meaning)
         if meaning in ("empty", "explain"):
             return self._verdict(about, title, yes, lines, words, after_a_stop, **more)
         return Verdict("correct", said, bool(answer.get("about_plan")))
