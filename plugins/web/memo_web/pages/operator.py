@@ -97,6 +97,8 @@ def _show(view: RunView, study: StudyState, me: str) -> None:
         except MemoError as error:
             now.set_text(f"This cannot be read: {error}")
             return
+        if standing is None:  # the server ends
+            return
         state = [[entry.id for entry, _ in standing.notes], [one.id for one in standing.waiting], standing.histories]
         if shown.get("standing") == state:
             return
@@ -207,7 +209,8 @@ async def _export(study: StudyState, demographics: bool) -> None:
     except MemoError as error:
         ui.notify(str(error), type="negative")
         return
-    ui.download.content(data, f"study-{time.strftime('%Y%m%d-%H%M')}.zip")
+    if data is not None:
+        ui.download.content(data, f"study-{time.strftime('%Y%m%d-%H%M')}.zip")
 
 
 def exported(folder: Path, demographics: bool) -> bytes:

@@ -319,8 +319,9 @@ async def _show_forgetting(shelf: BookShelf, refresh: Callable[[], Awaitable[Non
         return
     with ui.row().classes("items-center"):
         who = ui.select(people, label="person").classes("w-56").mark("person")
-        ui.button("Forget …", on_click=lambda: _confirm(shelf, str(who.value), report, done) if who.value else None)
+        button = ui.button("Forget …")
     report = ui.column().classes("w-full gap-1").mark("forgotten")
+    button.on_click(lambda: _confirm(shelf, str(who.value), report, done) if who.value else None)
 
     async def done() -> None:
         who.set_options([one for one in who.options if one != who.value], value=None)
