@@ -140,9 +140,8 @@ class StudyPages:
         Raises:
             InvalidArgument: if ``browser.json`` is damaged, or the folder holds no study.
         """
-        people = tuple(one.id for one in load_study(folder).section("study").participants)
         self.pages, self.folder = pages, folder
-        self.visitors = Visitors(folder, people)
+        self.visitors = Visitors(folder, participants_in(folder))
         self.end_run: Callable[[], None] = lambda: None
         self._lock = threading.RLock()
         self._numbers = itertools.count(1)
@@ -154,11 +153,16 @@ class StudyPages:
         pages.offer("study.pause", self._pause)
         if (known := session_task()) is not None:
             self._begin_task(known[1], known[0])
-        listen(self._hear)
+        self._unlisten = listen(self._hear)
         atexit.register(self._part)  # before the server is ended
         self._show()
         address = f"{pages.url}enter/{self.visitors.keys[OPERATOR]}"
         print(f"memo: the person who runs the study opens {address}", file=sys.stderr)
+
+    def close(self) -> None:
+        """Tell the pages nothing more."""
+        atexit.unregister(self._part)
+        self._unlisten()
 
     # -- to the pages --------------------------------------------------------------------------------------------------
     def show(self, **state: Any) -> None:
@@ -258,6 +262,18 @@ class StudyPages:
                 self.show(phase="waiting", asked=0)
 
 
+def participants_in(folder: Path) -> tuple[str, ...]:
+    """Ids of a study's participants.
+
+    Args:
+        folder: the study's folder.
+
+    Returns:
+        Ids in the order of the experiment file.
+    """
+    return tuple(one.id for one in load_study(folder).section("study").participants)
+
+
 class WebReception:
     """Meets participants on the page ``/study`` (``memo_core.plugin.Reception``)."""
 
@@ -342,5 +358,7 @@ def study_pages(settings: WebSettings, folder: Path) -> StudyPages:
     """
     pages = pages_process(settings)
     if _current.study is None or _current.study.pages is not pages or _current.study.folder != folder:
+        if _current.study is not None:
+            _current.study.close()
         _current.study = StudyPages(pages, folder)
     return _current.study
