@@ -22,12 +22,13 @@ CONSENT = "Words go to the provider of the language model. You may withdraw at a
 FILE = """
 llm: offline
 suite: quirks
-run: {{video: "off", pace: "off"}}
+run: {{video: "off", pace: "{pace}"}}
 study:
   tasks: [{tasks}]
   participants: [{participants}]
   rounds: {rounds}
   session_minutes: {minutes}
+  hours: {hours}
   clock: real
   consent: {consent}
 """
@@ -49,6 +50,8 @@ class StudyCommand:
         tasks: tuple[str, ...] = ("open-the-cupboard",),
         rounds: int = 1,
         minutes: float = 30,
+        hours: float | None = None,
+        pace: str = "off",
     ) -> None:
         port = _free_port()
         consent = folder / "consent.txt"
@@ -56,7 +59,15 @@ class StudyCommand:
         people = ", ".join(f"{{id: {one}, teacher: {{backend: web, port: {port}}}}}" for one in participants)
         self._file, self._out = folder / "study.yaml", folder / "out"
         self._file.write_text(
-            FILE.format(tasks=", ".join(tasks), participants=people, rounds=rounds, minutes=minutes, consent=consent)
+            FILE.format(
+                tasks=", ".join(tasks),
+                participants=people,
+                rounds=rounds,
+                minutes=minutes,
+                consent=consent,
+                hours="null" if hours is None else hours,
+                pace=pace,
+            )
         )
         self.folder, self.url, self.printed = self._out / "study", f"http://127.0.0.1:{port}/", ""
         self.process: subprocess.Popen[str] | None = None
@@ -231,19 +242,32 @@ class Participant(Visitor):
             self.said.append(words)
         self.until(lambda: self.page.get_by_test_id("asked").all_inner_texts() != [title])
 
+    def is_over(self) -> bool:
+        """Whether the session is over, or the command has ended."""
+        ended = self.study.process is None or self.study.process.poll() is not None
+        return ended or self._holds(lambda: self.page.get_by_text("That was your session").count() > 0)
+
     def approve_the_rest(self) -> None:
         """Approve whatever is asked until the session is over, or the command has ended."""
-        from playwright.sync_api import Error
-
-        while self.study.process is not None and self.study.process.poll() is None:
-            try:
-                if self.page.get_by_text("That was your session").count():
-                    return
-                if self.page.get_by_test_id("asked").count():
-                    self.answer("approve")
-            except Error:  # the question went, or the server with the last answer
-                pass
+        while not self.is_over():
+            if self._holds(lambda: self.page.get_by_test_id("asked").count() > 0):
+                self._holds(lambda: self.answer("approve") is None)
             self.page.wait_for_timeout(200)
+
+    def teach(self, words: Callable[[int], str]) -> None:
+        """Answer the open question, if there is one: a first attempt is corrected, everything else approved."""
+        self.page.wait_for_timeout(500)
+        if not self._holds(lambda: self.page.get_by_test_id("asked").count() > 0):
+            return
+        title = self.asked()
+        if title == "I noted:":
+            self.answer("accept")
+        elif "attempt 1." in title:
+            self.answer(words=words(len(self.said) + 1))
+        elif "could not learn" in title:
+            self.answer("accept")
+        else:
+            self.answer("approve")
 
     def until(self, condition: Callable[[], bool], within_s: float = 60.0) -> None:
         """Wait for a condition."""

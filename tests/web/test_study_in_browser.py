@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import re
+import time
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -178,3 +179,37 @@ def _forget(operator: Operator, study: StudyCommand) -> None:
     for file in study.folder.rglob("*"):
         if file.is_file() and file.name not in ("skillbook.db",):
             assert b"pull further" not in file.read_bytes(), file
+
+
+@pytest.mark.on_request
+@pytest.mark.timeout(40 * 60)
+def test_twenty_minutes_with_pages_closed_twice_and_a_killed_server_lose_nothing(browser, tmp_path: Path):
+    """A participant teaches one task after the other in real time. No two remarks are alike."""
+    tasks = ("open-the-cupboard", "open-the-locker", "open-the-dresser", "open-the-medicine-cabinet")
+    minutes = 20
+    with StudyCommand(tmp_path, tasks=tasks, rounds=20, minutes=minutes, hours=minutes / 60, pace="auto") as study:
+        participant = Participant(browser, study, Operator(browser, study).address_of("P01"))
+        participant.agree()
+        participant.introduce()
+        began = time.monotonic()
+        incidents = [
+            (minutes * 0.2, participant.close_and_come_back),
+            (minutes * 0.4, lambda: _kill_server(participant)),
+            (minutes * 0.6, participant.close_and_come_back),
+        ]
+        while not participant.is_over():
+            if incidents and time.monotonic() - began > 60 * incidents[0][0]:
+                incidents.pop(0)[1]()
+            participant.teach(lambda number: f"remark {number}: pull further, along an arc")
+        assert not incidents and study.ended() == 0, study.printed
+        assert time.monotonic() - began > 60 * minutes * 0.95
+        said = [("P01", words) for words in participant.said]
+        assert len(said) > 5 and sorted(feedback_in(study)) == sorted(said)
+        ends = [line for line in study.journal() if "end" in line]
+        assert sum(line["corrections"] + line["planning_remarks"] for line in ends) == len(said)
+        print(f"{len(said)} remarks in {len(ends)} runs, {time.monotonic() - began:.0f} s")
+
+
+def _kill_server(participant: Participant) -> None:
+    with participant.loaded_anew():
+        participant.study.kill_server()
