@@ -73,6 +73,12 @@ def test_pages_closed_twice_a_killed_server_and_a_killed_command_lose_nothing(br
         assert participant.asked() == "I noted:"
         assert re.search(r"Task 1 of this session\s+2\d:\d\d left", participant.says())
         participant.answer("accept")
+        assert participant.asked() == "OPEN(cupboard), attempt 2. Did it work?"
+        _see_uses(operator, "not over yet")
+        participant.answer("approve")
+        participant.until(lambda: "is done. Is it?" in participant.asked())
+        _see_uses(operator, "it worked")
+        _cannot_forget_now(operator)
         participant.approve_the_rest()
         assert study.ended() == 0, study.printed
         assert "Thank you for taking part" in participant.says()
@@ -137,7 +143,7 @@ def _see_why(operator: Operator) -> None:
     operator.page.get_by_role("link", name="correction 1").click()
     operator.sees("What people said")
     shown = operator.says()
-    assert "Pull further" in shown and FURTHER in shown, "the note, and the words that it was made of"
+    assert "Go further than the plain way." in shown and FURTHER in shown, "the note, and its words"
     for text in ("P01", "about OPEN(cupboard)", 'in "open the cupboard"', "Read back to P01", "accepted"):
         assert text in shown, text
     assert "It was not retrieved yet." in shown
@@ -145,6 +151,33 @@ def _see_why(operator: Operator) -> None:
     operator.sees("open_gripper")
     unharmed(operator)
     assert "no entry" in operator.go("why/999").lower()
+
+
+def _see_uses(operator: Operator, outcome: str) -> None:
+    """The retrieval of the only note for the second attempt, and what came of it."""
+    operator.go("why/1")
+    operator.sees(outcome)
+    shown = operator.says()
+    assert "OPEN(cupboard), attempt 2" in shown and 'in "open the cupboard"' in shown
+    operator.press("The program that was written with it")
+    operator.sees("open_gripper")
+
+
+def _cannot_forget_now(operator: Operator) -> None:
+    """Forgetting would rewrite files that the run writes to."""
+    operator.go("why")
+    assert "2 entries" in operator.says() and "program 2" in operator.says()
+    _ask_to_forget(operator)
+    operator.fill("type P01 to confirm", "P01")
+    operator.press("Forget for good")
+    operator.sees("is going on")
+    assert "2 entries" in operator.says()
+
+
+def _ask_to_forget(operator: Operator) -> None:
+    operator.page.get_by_label("person").click()
+    operator.page.get_by_role("option", name="P01").click()
+    operator.press("Forget …")
 
 
 def _export(operator: Operator) -> None:
@@ -164,9 +197,7 @@ def _export(operator: Operator) -> None:
 def _forget(operator: Operator, study: StudyCommand) -> None:
     """Only by the person's id, typed once more."""
     operator.go("why")
-    operator.page.get_by_label("person").click()
-    operator.page.get_by_role("option", name="P01").click()
-    operator.press("Forget …")
+    _ask_to_forget(operator)
     operator.fill("type P01 to confirm", "P1")
     operator.press("Forget for good")
     operator.sees("exactly as it is written")
