@@ -39,7 +39,7 @@ def application(view: RunView, allowed: Allowed) -> Any:
         view.press_stop(str(body.get("press", "")) if isinstance(body, dict) else "")
         return {"state": view.stop}
 
-    @app.get("/picture/{camera}")
+    @app.get("/picture/{camera:path}")
     async def picture(camera: str, request: Request) -> Response:
         taken = view.pictures.get(camera)
         if taken is None or not view.may_answer(request.state.visitor):

@@ -199,6 +199,9 @@ class RunView:
     def _take_offers(self, message: dict[str, Any], blob: bytes) -> None:
         self.offers = message["offers"]
 
+    def _take_own(self, message: dict[str, Any], blob: bytes) -> None:
+        self.owner = message["visitor"]
+
     def _take_text(self, message: dict[str, Any], blob: bytes) -> None:
         self.writing = (self.writing + message["text"])[-20_000:] if message["phase"] == "code" else ""
 

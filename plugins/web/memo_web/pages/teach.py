@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
+from urllib.parse import quote
 
 from fastapi.responses import RedirectResponse
 from nicegui import ui
@@ -210,8 +211,8 @@ class TeachingPage:
         question = self._view.question
         self._question.clear()
         self._marks, self._plan = [], None
-        self._question.props(f"data-asked={question['id'] if question else 0}")
-        self._words.props(f'label="{question["words"] or _REMARK}"' if question else f'label="{_REMARK}"')
+        self._question.props["data-asked"] = question["id"] if question else 0
+        self._words.props["label"] = (question or {}).get("words") or _REMARK
         if question is None:
             return
         with self._question:
@@ -228,7 +229,8 @@ class TeachingPage:
                 self._plan = ui.checkbox("My words are about what is done next, not about how").props("dense")
             with ui.row():
                 for key, label in question["choices"]:
-                    ui.button(label, on_click=_sender(self._send, key)).props(f"outline data-choice={key}")
+                    button = ui.button(label, on_click=_sender(self._send, key)).props("outline")
+                    button.props["data-choice"] = key
 
     def _show_offers(self) -> None:
         """What can be begun here, while no run goes on."""
@@ -317,7 +319,7 @@ class TeachingPage:
                     self._images[camera] = image, ui.label().classes("text-caption")
             image, label = self._images[camera]
             if self._changed(f"picture {camera}", (view.stage_number, picture.number)):
-                image.set_source(f"/picture/{camera}?n={view.stage_number}.{picture.number}")
+                image.set_source(f"/picture/{quote(camera, safe='')}?n={view.stage_number}.{picture.number}")
                 label.text = f"{camera} {picture.note}".strip()
             old = not picture.note and view.behind(picture) > FRESH_S
             if self._changed(f"old {camera}", old):
