@@ -15,8 +15,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-START_S = 90.0
-WAIT_MS = 60_000
+START_S = 180.0
+WAIT_MS = 120_000
 MEMO = (sys.executable, "-c", "from memo_core.cli.main import main; main()", "study")
 CONSENT = "Words go to the provider of the language model. You may withdraw at any time."
 FILE = """
@@ -108,7 +108,7 @@ class StudyCommand:
         found = re.findall(r"runs the study opens (\S+)", self.printed)
         return found[-1] if found else ""
 
-    def ended(self, within: float = 60.0) -> int:
+    def ended(self, within: float = 120.0) -> int:
         """Wait until the command ends by itself; its exit code."""
         assert self.process is not None
         code = self.process.wait(within)
@@ -139,7 +139,7 @@ class Visitor:
 
     def __init__(self, browser: Any, study: StudyCommand) -> None:
         self.study = study
-        self.context = browser.new_context(viewport={"width": 1280, "height": 900})
+        self.context = browser.new_context(viewport={"width": 700, "height": 500})
         self.dialogs: list[str] = []
         self.page = self.open_page()
 
@@ -269,7 +269,7 @@ class Participant(Visitor):
         else:
             self.answer("approve")
 
-    def until(self, condition: Callable[[], bool], within_s: float = 60.0) -> None:
+    def until(self, condition: Callable[[], bool], within_s: float = WAIT_MS / 1000) -> None:
         """Wait for a condition."""
         over = time.monotonic() + within_s
         while not self._holds(condition):

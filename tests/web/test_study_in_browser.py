@@ -17,7 +17,7 @@ from memo_core.skillbook import Skillbook
 from tests.support.chromium import launched
 from tests.support.web_study import Operator, Participant, StudyCommand, Visitor
 
-pytestmark = [pytest.mark.process, pytest.mark.wire, pytest.mark.slow]
+pytestmark = [pytest.mark.process, pytest.mark.wire, pytest.mark.slow, pytest.mark.timeout(900)]
 
 HOSTILE = '<img src=x onerror="window.hacked=1"><script>window.hacked=1</script>{{777*777}}'
 FURTHER = f"pull further {HOSTILE}"

@@ -13,7 +13,7 @@ from memo_core.skillbook.track_record import note_trial
 from tests.support.chromium import launched
 from tests.support.web_command import WebCommand
 
-pytestmark = [pytest.mark.process, pytest.mark.wire, pytest.mark.slow]
+pytestmark = [pytest.mark.process, pytest.mark.wire, pytest.mark.slow, pytest.mark.timeout(900)]
 
 HOSTILE = '<img src=x onerror="window.hacked=1"><script>window.hacked=1</script>{{ 777*777 }} `a` **b** ![c](x) </pre>'
 KEY = "OPEN(microwave)"

@@ -252,7 +252,8 @@ def _show_function(found: Explanation) -> None:
         words("It calls:")
         entry_line(learnt.entry)
         return
-    words(f"Learnt from {len(record.replaced)} programs of {', '.join(record.people) or 'nobody known'}.")
+    count = len(record.replaced)
+    words(f"Learnt from {count} {_programs(count)} of {', '.join(record.people) or 'nobody known'}.")
     for call, replaced in zip(learnt.calls, record.replaced, strict=True):
         entry_line(call)
         with ui.expansion(f"in place of the program {replaced.id}").classes("w-full pl-6"):
@@ -284,9 +285,13 @@ def _show_uses(found: Explanation, uses: Sequence[Use]) -> None:
     if not uses and not found.evidence:
         words("It was not retrieved yet.")
     for one in found.evidence:
-        words(f"{one.key}: {one.served} times for a program that ran, which was approved {one.approved} times")
+        words(f"{one.key}: for {one.served} {_programs(one.served)} that ran, {one.approved} of them approved")
     for use in uses[-_MOST_SHOWN:][::-1]:
         _show_use(use)
+
+
+def _programs(count: int) -> str:
+    return "program" if count == 1 else "programs"
 
 
 def _show_use(use: Use) -> None:
