@@ -36,7 +36,7 @@ from tests.support.web_command import WebCommand
 
 pytestmark = [pytest.mark.process, pytest.mark.wire]
 
-WAIT_MS = 40_000
+WAIT_MS = 90_000
 WAIT_S = WAIT_MS / 1000
 TASK = "put-the-food-in-the-microwave"
 WORDS = "no, pull the handle in an arc"
