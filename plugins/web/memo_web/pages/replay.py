@@ -43,7 +43,7 @@ class ReplayPage:
             who: identity of the visitor.
         """
         self._view, self._who = view, who
-        self._stage = -1
+        self._stage: dict[str, Any] | None = None
         self._count = -1
         self._recording: Recording | None = None
         self._attempts: list[Recording] = []
@@ -72,9 +72,10 @@ class ReplayPage:
         if not view.may_answer(self._who):  # the session became another visitor's
             ui.navigate.reload()
             return
-        if view.stage is not None and view.stage_number != self._stage:
-            self._stage = view.stage_number
-            self._scene.build(view.stage)
+        if view.drawn is not self._stage:
+            self._stage = view.drawn
+            self._scene.build(view.drawn)
+            self._show()
         if len(view.attempts) != self._count:
             self._count = len(view.attempts)
             self._list()

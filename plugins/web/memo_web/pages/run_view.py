@@ -56,6 +56,7 @@ class RunView:
 
     Attributes:
         stage: shapes of robot and scene, names of bodies; None while no run goes on.
+        drawn: the last stage there was, to which ``attempts`` belong.
         meshes: bytes of the meshes (STL) that ``stage`` names, by number.
         poses: (n, 7), position and quaternion (w, x, y, z) of each body of ``stage``.
         progress: instruction, subtasks done, current activity (``memo_core.plugin.RunProgress``).
@@ -69,6 +70,7 @@ class RunView:
     loop: asyncio.AbstractEventLoop
     version: int = 0
     stage: dict[str, Any] | None = None
+    drawn: dict[str, Any] | None = None
     stage_number: int = 0
     meshes: dict[int, bytes] = attrs.field(factory=dict)
     poses: np.ndarray | None = None
@@ -161,6 +163,7 @@ class RunView:
 
     def _take_stage(self, message: dict[str, Any], blob: bytes) -> None:
         self.stage, self.poses, self.pictures = message["stage"], None, {}
+        self.drawn = self.stage or self.drawn
         self.stage_number += 1
         self.no_pictures = ""
 

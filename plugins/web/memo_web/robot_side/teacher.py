@@ -94,6 +94,11 @@ class WebTeacher(Teacher):
     def follows_motion(self) -> bool:
         return True
 
+    @property
+    def url(self) -> str:
+        """Where the pages are, once it is open; without the token."""
+        return self._pages.url
+
     def watch(self, stage: Stage) -> None:
         """Show the robot. With a real robot, wait until a page is open."""
         self._stop = _Stop()
