@@ -66,8 +66,7 @@ def run(
 def resume(folder: Folder, jobs: Jobs = 1, sessions: Sessions = None, view: View = False, json: Json = False) -> None:
     """Go on with a study that was interrupted, in its folder."""
     from memo_core.cli.options import load_registry
-    from memo_core.study.running import study_sections
-    from memo_core.study.study import loader, shared_settings
+    from memo_core.study.study import loader, shared_settings, study_sections
 
     config, study = config_of(folder), folder / "study"
     registry = load_registry()
@@ -117,8 +116,7 @@ def export(
     """
     from memo_core.cli.options import load_registry
     from memo_core.study.export import export_study
-    from memo_core.study.running import study_sections
-    from memo_core.study.study import loader
+    from memo_core.study.study import loader, study_sections
 
     study = folder / "study"
     experiment = loader(load_registry(), config_of(folder), study_sections())()
@@ -161,8 +159,7 @@ def _teach(load: Any, registry: Any, folder: Path, jobs: int, sessions: int | No
 
 def _status(folder: Path) -> dict[str, Any]:
     from memo_core.cli.options import load_registry
-    from memo_core.study.running import study_sections
-    from memo_core.study.study import loader, status as status_of
+    from memo_core.study.study import loader, status as status_of, study_sections
 
     experiment = loader(load_registry(), config_of(folder), study_sections())()
     return status_of(experiment, folder / "study")

@@ -9,7 +9,7 @@ import attrs
 
 @attrs.frozen
 class Demographics:
-    """What a participant tells of themselves; None where they did not answer."""
+    """Answers of a participant about themselves; None where a question was left open."""
 
     OLDEST: ClassVar[int] = 130  # years, which no age reaches
 

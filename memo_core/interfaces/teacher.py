@@ -180,7 +180,7 @@ class Teacher(ABC):
 
     @property
     def reception(self) -> Reception | None:
-        """Who meets this person before a session of a study; None: the terminal at which the study was started."""
+        """Reception that meets this person before a session of a study; None: the terminal of the study's command."""
         return None
 
     def watch(self, stage: Stage) -> None:

@@ -30,7 +30,7 @@ def browser() -> Iterator[Any]:
 
 
 def feedback_in(study: StudyCommand) -> list[tuple[str, str]]:
-    """Who said what, in the first history's book."""
+    """Speakers and words of the feedback in the first history's book."""
     with Skillbook(str(study.folder / "history-0" / "skillbook.db"), read_only=True) as book:
         ids = book.sources([entry.id for entry in book.entries(superseded=True)])
         said = {one.id: one for one in (*map(book.feedback, ids), *book.pending_feedback(parked=True))}
@@ -38,7 +38,7 @@ def feedback_in(study: StudyCommand) -> list[tuple[str, str]]:
 
 
 def unharmed(visitor: Visitor) -> None:
-    """Nothing that was typed ran as code, or became an element."""
+    """Check that nothing typed ran as code or became an element."""
     assert not visitor.dialogs
     assert visitor.page.evaluate(
         "() => [window.hacked === undefined, document.querySelector('img[src=x]') === null]"
@@ -130,7 +130,7 @@ def test_each_sees_their_own_session_and_the_operator_what_was_said_and_can_forg
 
 
 def _see_why(operator: Operator) -> None:
-    """The list, a search, and the page of what was noted."""
+    """Check the list, a search, and the page of the note."""
     operator.go("operator")
     operator.sees("pull further")
     assert "between sessions" not in operator.says() and "P02 · reading the consent text" in operator.says()

@@ -1,4 +1,4 @@
-"""Who is who in a study in the browser, and what is asked before a session."""
+"""Identities of visitors in a study in the browser, and the questions before a session."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ _experiment = functools.lru_cache(maxsize=1)(load_study)
 
 @attrs.frozen(eq=False)
 class Standing:
-    """What journals and books say of a study.
+    """State of a study by its journals and books.
 
     Attributes:
         histories: as ``memo study status --json`` prints them.

@@ -55,7 +55,7 @@ def add_pages(view: RunView) -> None:
 
 
 def _enter(view: RunView, study: StudyState, key: str) -> None:
-    """Nothing is done before the visitor confirms: an address may be opened by anything that looks at links."""
+    """Ask the visitor to confirm: an address may be opened by anything that looks at links, so opening it does nothing."""
     me = visitor()
     name = next((one for one, kept in study.shown.get("keys", {}).items() if kept == key), None)
     if name is None:
@@ -101,7 +101,7 @@ def show_session(view: RunView, study: StudyState, me: str) -> None:
 
 
 def _state(study: StudyState, me: str) -> tuple[Any, ...]:
-    """What decides on the content of a participant's page."""
+    """Values that decide on the content of a participant's page."""
     name = study.role(me)
     if not study.held or not name or name == OPERATOR:
         return ("nobody", study.held, name)

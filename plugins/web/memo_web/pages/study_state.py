@@ -36,7 +36,7 @@ class StudyState:
         self.shown = message["study"]
         owner = self.shown["owner"] or _NOBODY
         if self.view.owner not in (None, owner):
-            self.view.clear()  # what one participant did is nobody else's to see
+            self.view.clear()  # no participant sees what another one did
         self.view.owner = owner
 
     @property
@@ -59,7 +59,7 @@ class StudyState:
         return str(self.shown.get("participant", ""))
 
     def role(self, visitor: str) -> str:
-        """Who a visitor is.
+        """Role of a visitor.
 
         Args:
             visitor: identity of the visitor.
@@ -81,7 +81,7 @@ class StudyState:
         return not self.held or self.role(visitor) == OPERATOR
 
     def start_page(self, visitor: str) -> str:
-        """Where a visitor begins.
+        """First page of a visitor.
 
         Args:
             visitor: identity of the visitor.

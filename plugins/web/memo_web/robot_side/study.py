@@ -45,7 +45,7 @@ _MOST_VISITORS = 500  # browsers that are remembered
 
 
 class Visitors:
-    """Who is who: keys of the people of a study, and the visitors who brought one."""
+    """Keys of the people of a study, and the visitors who brought one."""
 
     def __init__(self, folder: Path, people: tuple[str, ...]) -> None:
         """Read the file in the study's folder, and make keys for those who have none.
@@ -287,12 +287,12 @@ class WebReception:
         self._settings, self._folder = settings, folder
 
     def agrees(self, participant: str, text: str) -> bool:
-        """As ``Reception.agrees``."""
+        """Ask on the page ``/study``; as ``Reception.agrees``."""
         pages = study_pages(self._settings, self._folder)
         return bool(pages.ask("consent", participant, _agreed, consent=text))
 
     def about(self, participant: str, known: Demographics) -> Demographics:
-        """As ``Reception.about``."""
+        """Ask on the page ``/study``; as ``Reception.about``."""
         missing = [name for name, value in attrs.asdict(known).items() if value is None]
         if not missing:
             return known
