@@ -46,8 +46,8 @@ class TeachingHistory:
 
 @attrs.frozen(eq=False)
 class Teaching:
-    """Parts that all histories of a study share. ``reception`` meets people whose teacher has none of its own; ``report``
-    hears a line a run; ``sessions`` is how many may begin now, None: any number."""
+    """Parts that all histories of a study share. ``reception`` meets people whose teacher has none of its own;
+    ``report`` hears a line a run; ``sessions`` is how many may begin now, None: any number."""
 
     load: Load
     registry: Registry

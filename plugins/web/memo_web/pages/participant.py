@@ -55,7 +55,7 @@ def add_pages(view: RunView) -> None:
 
 
 def _enter(view: RunView, study: StudyState, key: str) -> None:
-    """Ask the visitor to confirm: an address may be opened by anything that looks at links, so opening it does nothing."""
+    """Ask the visitor to confirm: an address may be opened by anything that follows links."""
     me = visitor()
     name = next((one for one, kept in study.shown.get("keys", {}).items() if kept == key), None)
     if name is None:
