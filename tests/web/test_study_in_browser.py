@@ -147,7 +147,7 @@ def _see_why(operator: Operator) -> None:
     for text in ("P01", "about OPEN(cupboard)", 'in "open the cupboard"', "Read back to P01", "accepted"):
         assert text in shown, text
     assert "It was not retrieved yet." in shown
-    operator.press("The program that this was said about")
+    operator.page.get_by_text("The program that this was said about").click()
     operator.sees("open_gripper")
     unharmed(operator)
     assert "no entry" in operator.go("why/999").lower()
@@ -159,7 +159,7 @@ def _see_uses(operator: Operator, outcome: str) -> None:
     operator.sees(outcome)
     shown = operator.says()
     assert "OPEN(cupboard), attempt 2" in shown and 'in "open the cupboard"' in shown
-    operator.press("The program that was written with it")
+    operator.page.get_by_text("The program that was written with it").first.click()
     operator.sees("open_gripper")
 
 
