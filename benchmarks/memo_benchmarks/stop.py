@@ -137,7 +137,7 @@ def bench_stop(
 
 
 class StopTask(Task):
-    """A scene to move in until somebody presses stop."""
+    """Task without an end: move until the stop is pressed."""
 
     name = "bench-stop"
     instruction = "move until somebody presses stop"

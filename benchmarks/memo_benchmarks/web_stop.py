@@ -1,4 +1,4 @@
-"""How quickly the stop button of a page works, in a real browser (``memo bench web-stop``).
+"""Latency of the stop button of a page, in a real browser (``memo bench web-stop``).
 
 The pages stream the arm in 3-D and its cameras' pictures, and a second page is open. For each press of the button or of
 Escape: milliseconds to the last command that the arm was given, and until the page says that the robot has stopped.

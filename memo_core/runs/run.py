@@ -426,7 +426,7 @@ class _Run:
 
     @property
     def _heard_text(self) -> Callable[[str, str], None] | None:
-        """Where the pieces of a model's answer go; None: nowhere, so that it need not be streamed."""
+        """Listener for the pieces of a model's answer; None if nobody listens, so that it need not be streamed."""
         teacher, listener = self.components.teacher, self.on_text
         if teacher is None or type(teacher).overhear is Teacher.overhear:
             return listener

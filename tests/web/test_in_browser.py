@@ -230,7 +230,7 @@ def test_long_words_are_refused_and_stay_in_the_field(browser, pages):
     pages.send("stage", keep="stage", stage=stage())
     with opened(browser, f"{pages.url}teach") as page:
         field = page.get_by_test_id("words")
-        field.evaluate("field => field.removeAttribute('maxlength')")  # as somebody would who wants to
+        field.evaluate("field => field.removeAttribute('maxlength')")  # as a script could
         field.fill("x" * 4001)
         page.get_by_test_id("send").click()
         page.get_by_text("That is too long: 4001 characters").wait_for()

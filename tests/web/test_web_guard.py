@@ -13,7 +13,7 @@ FROM_OWN_PAGE = OWN | {"origin": "http://127.0.0.1:8710"}
 
 
 class Application:
-    """What lies behind the guard: notes who gets in."""
+    """An application behind the guard that notes who gets in."""
 
     def __init__(self):
         self.visitors = []

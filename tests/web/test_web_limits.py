@@ -1,4 +1,4 @@
-"""What visitors send is limited in length and rate, each visitor for themselves."""
+"""Limits on the length and rate of texts hold for each visitor by itself."""
 
 from __future__ import annotations
 

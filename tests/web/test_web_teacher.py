@@ -1,4 +1,4 @@
-"""What the teacher in the browser answers to the run, and what a press of stop does at each moment."""
+"""The teacher in the browser: its answers to the run, and a press of stop at each moment."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ EPISODE = Episode("heat it", "OPEN(microwave)", 1, SCENE, SCENE)
 
 
 class Pages:
-    """In place of the server's process: keeps what is sent, and answers questions as a person would."""
+    """Stand-in for the server's process that keeps messages and answers questions as a person would."""
 
     def __init__(self):
         self.handlers, self.sent, self.said = {}, [], []

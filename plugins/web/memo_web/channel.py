@@ -74,7 +74,7 @@ class Channel:
 
 class StopLine:
     """A socket that carries only short lines about the stop: ``stop ID``, ``gone`` and ``back`` to the run (a person
-    pressed stop; nobody watches any more; somebody watches again), ``stopping``, ``stopped`` and ``clear`` from it."""
+    pressed stop; the last page is gone; a page is open again), ``stopping``, ``stopped`` and ``clear`` from it."""
 
     def __init__(self, link: socket.socket) -> None:
         """Take over a connected socket.

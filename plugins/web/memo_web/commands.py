@@ -66,7 +66,7 @@ def _next(begun: queue.SimpleQueue[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _offers(experiment: Experiment) -> dict[str, Any]:
-    """What the pages may begin."""
+    """Tasks that the pages may begin."""
     from memo_core.runs import tasks_of
 
     tasks = [{"name": one.name, "instruction": one.instruction} for one in tasks_of(experiment)]

@@ -1,4 +1,4 @@
-"""What this distribution offers to MEMO. Only declares: nothing heavy is imported here."""
+"""The backends that this distribution offers to MEMO. Only declares: nothing heavy is imported here."""
 
 from __future__ import annotations
 

@@ -98,7 +98,7 @@ class WebSettings:
         return token
 
     def server(self, token: str) -> dict[str, Any]:
-        """What the process of the pages is to know, as JSON values.
+        """Settings of the process of the pages, as JSON values.
 
         Args:
             token: result of ``checked_token``.

@@ -1,4 +1,4 @@
-"""Who may reach the pages: one check in front of every request and websocket.
+"""Access control: one check in front of every request and websocket.
 
 * The name in ``Host`` must be one of this server's, so that no page elsewhere reaches it by a name of its own.
 * Nothing acts by GET. POST and websockets must come from a page of this server (``Origin``).
@@ -37,7 +37,7 @@ _HEADERS = {
 
 @attrs.frozen
 class Allowed:
-    """What the guard lets in.
+    """Names, origins and token that the guard lets in.
 
     Attributes:
         hosts: names with port, as in ``Host``, that are this server's; lower case.
@@ -176,7 +176,7 @@ def _limited(receive: Receive) -> Receive:
 
 
 def allowed_for(address: str, port: int, names: list[str], proxy: str, token: str, tls: bool) -> Allowed:
-    """What the guard lets in, for a server.
+    """Names, origins and token that the guard of a server lets in.
 
     Args:
         address: address that it listens at.

@@ -1,4 +1,4 @@
-"""What every page has: its frame with the stop button, and who looks at it."""
+"""The frame of every page, with navigation and the stop button, and the identity of its visitor."""
 
 from __future__ import annotations
 

@@ -83,7 +83,7 @@ async def _serve(channel: Channel, stop_line: StopLine, listening: socket.socket
 
 
 def _address(settings: dict[str, Any], port: int, tls: bool) -> str:
-    """Where a person opens the pages; without the token."""
+    """Address at which a person opens the pages, without the token."""
     if settings["proxy"]:
         return str(settings["proxy"]).rstrip("/") + "/"
     address = (

@@ -20,7 +20,7 @@ _ATTEMPTS = 24  # recordings that are kept
 _FRAMES = 12_000  # of one recording: ten minutes
 _LOG = 400  # events that are kept
 _ASK_S = 30.0
-_KNOWN_PRESSES = 64
+_KNOWN_PRESSES = 4096
 _MOVED = 1e-4  # m, or of a quaternion: less is no motion
 
 
@@ -251,7 +251,7 @@ class RunView:
         return self._current and time.monotonic() - self._heard <= FRESH_S
 
     def behind(self, picture: Picture) -> float:
-        """By how much a picture is behind the robot's poses.
+        """Delay of a picture behind the robot's poses.
 
         Args:
             picture: one of ``pictures``.

@@ -233,7 +233,7 @@ class TeachingPage:
                     button.props["data-choice"] = key
 
     def _show_offers(self) -> None:
-        """What can be begun here, while no run goes on."""
+        """Show the tasks that can be begun, while no run goes on."""
         offers = self._view.offers
         self._offers.clear()
         if not offers or self._view.stage is not None:

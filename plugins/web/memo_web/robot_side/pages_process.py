@@ -228,7 +228,7 @@ class PagesProcess:
             self.send("reply", id=message["id"], error=" ".join(str(error).split()) or type(error).__name__)
 
     def _read_stops(self, connection: _Connection) -> None:
-        """Nothing but the stop runs in this thread."""
+        """Pass presses of stop on; this thread does nothing else."""
         for line in connection.stop_line.lines(_POLL_S):
             word, _, rest = line.partition(" ")
             if word == "stop":

@@ -27,7 +27,7 @@ _ROBOT_COLOUR = (0.85, 0.86, 0.88, 1.0)
 
 
 class Drawn:
-    """What is drawn of one robot in one scene: the shapes once, the poses again and again."""
+    """Drawing of one robot in one scene: shapes that are sent once, and poses."""
 
     def __init__(self, robot: RobotDescription, scene: SceneDescription | None) -> None:
         """Collect the shapes.

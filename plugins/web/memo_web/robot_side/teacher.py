@@ -96,7 +96,7 @@ class WebTeacher(Teacher):
 
     @property
     def url(self) -> str:
-        """Where the pages are, once it is open; without the token."""
+        """Address of the pages, once it is open; without the token."""
         return self._pages.url
 
     def watch(self, stage: Stage) -> None:
@@ -153,7 +153,7 @@ class WebTeacher(Teacher):
             stage.stop()
 
     def _watchers_changed(self, present: bool) -> None:
-        """A real robot stops when the page of whoever watched is gone."""
+        """A real robot stops when the last page that watched it is gone."""
         stage = self._stage
         if stage is not None and stage.simulator is None and not present:
             self._press("gone")
