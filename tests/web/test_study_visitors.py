@@ -6,18 +6,21 @@ import json
 import stat
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from memo_web.pages.study_state import StudyState
-from memo_web.robot_side import study as robot_side
+from memo_web.robot_side import study as robot_side, teacher as teacher_module
 from memo_web.robot_side.listening import pages_hear
 from memo_web.robot_side.study import FILE, OPERATOR, StudyPages, Visitors, WebReception, read_answers
+from memo_web.robot_side.teacher import WebTeacher
 from memo_web.settings import WebSettings
 
 from memo_core.errors import InvalidArgument, Stopped
 from memo_core.events import SessionEnded, SessionTask, TimeLeft
 from memo_core.interfaces.reception import Demographics
+from memo_core.plugin import Stage
 
 ME, OTHER = "m" * 22, "o" * 22
 
@@ -191,6 +194,19 @@ def test_a_session_that_was_resumed_before_there_was_a_server_is_known(pages, tm
     assert (pages.shown[-1]["phase"], pages.shown[-1]["participant"], pages.shown[-1]["number"]) == ("task", "P01", 2)
     made.close()
     pages_hear(SessionEnded("P01", 1))
+
+
+def test_each_run_also_a_resumed_one_names_its_book_to_the_pages(monkeypatch):
+    sent: list[tuple[str, str, str]] = []
+    teacher = WebTeacher(WebSettings())
+    teacher._pages = SimpleNamespace(
+        send=lambda kind, keep="", url="", **fields: sent.append((kind, keep, url)), say_stop=lambda state: None
+    )
+    monkeypatch.setattr(teacher_module, "Live", lambda *given: SimpleNamespace(close=lambda: None))
+    stage = Stage(None, None, None, Path(), lambda: None, lambda: None, object(), book="book.db")
+    teacher.watch(stage)
+    assert ("book", "book", "book.db") in sent, "kept, for a server that has to be started anew"
+    teacher.unwatch()
 
 
 # -- what each sees ----------------------------------------------------------------------------------------------------
