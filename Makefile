@@ -5,6 +5,7 @@ BIN := $(VENV)/bin
 PYTHON ?= $(shell command -v python3.11 || command -v python3.12 || command -v python3.13 || command -v python3 || echo python3)
 PLUGINS := $(patsubst %/pyproject.toml,%,$(wildcard plugins/*/pyproject.toml))
 EXTRAS_vectorstore := [chroma]
+EXTRAS_web := [dev]
 # franky-control has wheels for this platform only.
 EXTRAS_franka := $(if $(filter Linux-x86_64,$(shell uname -s)-$(shell uname -m)),[hardware])
 STAMP := $(VENV)/.set-up

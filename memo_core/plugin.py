@@ -40,7 +40,13 @@ if TYPE_CHECKING:
         UnknownName as UnknownName,
         close_match as close_match,
     )
-    from memo_core.events import FeedbackGiven as FeedbackGiven
+    from memo_core.events import (
+        Event as Event,
+        FeedbackGiven as FeedbackGiven,
+        SessionEnded as SessionEnded,
+        SessionTask as SessionTask,
+        TimeLeft as TimeLeft,
+    )
     from memo_core.interfaces.backend import (
         NO_MEMORY as NO_MEMORY,
         Backend as Backend,
@@ -71,6 +77,7 @@ if TYPE_CHECKING:
         Perception as Perception,
         PerceptionContext as PerceptionContext,
     )
+    from memo_core.interfaces.reception import Demographics as Demographics, Reception as Reception
     from memo_core.interfaces.simulator import (
         Contact as Contact,
         Simulator as Simulator,
@@ -79,8 +86,13 @@ if TYPE_CHECKING:
     )
     from memo_core.interfaces.task import Monitor as Monitor, Outcome as Outcome, Task as Task
     from memo_core.interfaces.teacher import (
+        Arrangement as Arrangement,
         Episode as Episode,
+        Noted as Noted,
         Program as Program,
+        Proposal as Proposal,
+        ReadBack as ReadBack,
+        Stage as Stage,
         TaskEpisode as TaskEpisode,
         Teacher as Teacher,
         Verdict as Verdict,
@@ -99,6 +111,11 @@ if TYPE_CHECKING:
     from memo_core.policy.plan_feedback import PLANNING as PLANNING
     from memo_core.policy.results import RunResult as RunResult
     from memo_core.policy.run_context import Session as Session
+    from memo_core.process.companion_process import (
+        end_companion as end_companion,
+        end_with_input as end_with_input,
+        start_companion as start_companion,
+    )
     from memo_core.process.peer import Peer as Peer, PeerError as PeerError
     from memo_core.process.signal_safe import Flag as Flag
     from memo_core.process.stop_switch import StopSwitch as StopSwitch, abandonable as abandonable
@@ -136,6 +153,7 @@ if TYPE_CHECKING:
         rod_inertia as rod_inertia,
     )
     from memo_core.robot.vacuum_hand import VacuumHand as VacuumHand
+    from memo_core.runlog.event_log import goes_on as goes_on, read_events as read_events
     from memo_core.runs.progress import RunProgress as RunProgress
     from memo_core.scene.appearance import appearance as appearance, colour_name as colour_name
     from memo_core.scene.building import (
@@ -206,7 +224,10 @@ if TYPE_CHECKING:
     from memo_core.skills.recording_control import Command as Command, RecordingControl as RecordingControl
     from memo_core.skills.skill import skill as skill, skill_library as skill_library
     from memo_core.skills.values import Number as Number
+    from memo_core.teachers.answers import meaning_of as meaning_of
+    from memo_core.teachers.terminal import login_name as login_name
     from memo_core.text.parsing import parse_json as parse_json, read_as as read_as
+    from memo_core.text.reading_limits import LONGEST_WORDS as LONGEST_WORDS
     from memo_core.text.redaction import Redactor as Redactor
 
 __all__, __getattr__, __dir__ = lazy_exports(__name__, __file__)

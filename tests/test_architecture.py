@@ -61,6 +61,7 @@ SKILLBOOK_LEVELS = (
     ("consolidation",),
     ("book",),
     ("consolidating", "exchange", "functions", "history", "raw_log", "stats", "track_record"),
+    ("explaining",),
 )
 PACKAGES = sorted(
     ".".join(path.parent.relative_to(ROOT).parts)

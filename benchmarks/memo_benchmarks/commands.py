@@ -199,6 +199,22 @@ def stop(
     print_table(tuple(rows[0]), [tuple(row.values()) for row in rows])
 
 
+@app.command("web-stop")
+def web_stop(
+    presses: Annotated[int, typer.Option("--presses", min=1, help="Presses of the button and of Escape.")] = 100,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """Time from the stop button of a page in a real browser to the arm's last command, while pictures stream."""
+    from memo_benchmarks.web_stop import bench_web_stop
+
+    registry, experiment = load(config, ["teacher=web", "teacher.port=0", *(overrides or [])])
+    print_report(
+        with_progress("web-stop", lambda progress: bench_web_stop(experiment, registry, presses, progress)), json
+    )
+
+
 @app.command()
 def demo(
     seeds: Annotated[str, typer.Option("--seeds", metavar="A-B", help="Seeds, e.g. 0-19 or 3,5.")] = "0-19",

@@ -136,7 +136,9 @@ def bench_stop(
 # -- the scene ---------------------------------------------------------------------------------------------------------
 
 
-class _Bench(Task):
+class StopTask(Task):
+    """Task without an end: move until the stop is pressed."""
+
     name = "bench-stop"
     instruction = "move until somebody presses stop"
 
@@ -193,6 +195,19 @@ class _Model(LanguageModel):
         return Answer(f"```python\n{_CODE.get(self._phase, _NOTHING)}\n```")
 
 
+class MovingModel(LanguageModel):
+    """Answers at once, with a program that moves the arm to and fro."""
+
+    name = "bench"
+
+    def open(self) -> None: ...
+
+    def close(self) -> None: ...
+
+    def answer(self, request: Request, on_text: Any = None, cancelled: Any = None) -> Answer:
+        return Answer("MOVE(red cube)" if request.phase == "plan" else f"```python\n{_MOVING}\n```")
+
+
 class _Presser(Person):
     """The person who presses stop, asked by the supervisor."""
 
@@ -246,12 +261,13 @@ class _Person(Teacher):
         return Verdict("silent")
 
 
-class _Watched:
-    """Notes when the arm was last given a command."""
+class WatchedLink:
+    """Notes when the arm was last given a command: ``last``, monotonic, and ``last_wall``, since the epoch (s).
+    ``moved`` and ``gripped`` are called after each command."""
 
-    def __init__(self, phase: str, button: _Button) -> None:
-        self.last = 0.0
-        self._phase, self._button = phase, button
+    def __init__(self, moved: Callable[[], None] = lambda: None, gripped: Callable[[], None] = lambda: None) -> None:
+        self.last = self.last_wall = 0.0
+        self._moved, self._gripped = moved, gripped
 
     def link(self, simulator: Simulator, robot: RobotDescription) -> Link:
         from memo_core.arm.simulated_link import SimulatorLink
@@ -261,15 +277,13 @@ class _Watched:
 
         def noted_send(targets: Any) -> None:
             send(targets)
-            self.last = time.monotonic()
-            if self._phase == "moving":
-                self._button.begun()
+            self.last, self.last_wall = time.monotonic(), time.time()
+            self._moved()
 
         def noted_set_gripper(width: float, force: float) -> None:
             set_gripper(width, force)
-            self.last = time.monotonic()
-            if self._phase == "grasping":
-                self._button.begun()
+            self.last, self.last_wall = time.monotonic(), time.time()
+            self._gripped()
 
         link.send = noted_send  # type: ignore[method-assign]
         link.set_gripper = noted_set_gripper  # type: ignore[method-assign]
@@ -281,7 +295,10 @@ class _Watched:
 
 def _measure(experiment: Experiment, phase: str, signals: int) -> PhaseStop:
     button = _Button(seed=len(phase))
-    person, watched = _Person(phase, button), _Watched(phase, button)
+    person = _Person(phase, button)
+    watched = WatchedLink(
+        button.begun if phase == "moving" else lambda: None, button.begun if phase == "grasping" else lambda: None
+    )
     stop = StopSwitch()
     supervisor = Supervisor(stop, person)
     commands: list[float] = []
@@ -299,7 +316,7 @@ def _measure(experiment: Experiment, phase: str, signals: int) -> PhaseStop:
 
     def work() -> None:
         world = SimulatedEnvironment(
-            _Bench(),
+            StopTask(),
             0,
             simulator=experiment.create("simulator"),
             robot=experiment.create("robot"),

@@ -18,9 +18,7 @@ from memo_core.teachers.answers import NO, bare
 from memo_core.text.reading_limits import LONGEST_WORDS
 
 if TYPE_CHECKING:
-    from memo_core.study.consent import Demographics
-
-OLDEST = 130  # years
+    from memo_core.interfaces.reception import Demographics
 
 app = typer.Typer(help="Participants teach the robot in sessions.")
 
@@ -68,8 +66,7 @@ def run(
 def resume(folder: Folder, jobs: Jobs = 1, sessions: Sessions = None, view: View = False, json: Json = False) -> None:
     """Go on with a study that was interrupted, in its folder."""
     from memo_core.cli.options import load_registry
-    from memo_core.study.running import study_sections
-    from memo_core.study.study import loader, shared_settings
+    from memo_core.study.study import loader, shared_settings, study_sections
 
     config, study = config_of(folder), folder / "study"
     registry = load_registry()
@@ -119,8 +116,7 @@ def export(
     """
     from memo_core.cli.options import load_registry
     from memo_core.study.export import export_study
-    from memo_core.study.running import study_sections
-    from memo_core.study.study import loader
+    from memo_core.study.study import loader, study_sections
 
     study = folder / "study"
     experiment = loader(load_registry(), config_of(folder), study_sections())()
@@ -163,15 +159,14 @@ def _teach(load: Any, registry: Any, folder: Path, jobs: int, sessions: int | No
 
 def _status(folder: Path) -> dict[str, Any]:
     from memo_core.cli.options import load_registry
-    from memo_core.study.running import study_sections
-    from memo_core.study.study import loader, status as status_of
+    from memo_core.study.study import loader, status as status_of, study_sections
 
     experiment = loader(load_registry(), config_of(folder), study_sections())()
     return status_of(experiment, folder / "study")
 
 
 class AtTerminal:
-    """Meets participants at this terminal (``memo_core.study.consent.Reception``)."""
+    """Meets participants at this terminal (``memo_core.interfaces.reception.Reception``)."""
 
     def agrees(self, participant: str, text: str) -> bool:
         note(text)
@@ -204,6 +199,10 @@ def _told(question: str) -> str | None:
 
 def _age(question: str) -> int | None:
     """Ask until the answer is a whole number of years or empty."""
-    while (typed := bare(_told(question) or "")) and not (typed.isdecimal() and 0 < int(typed[:4]) < OLDEST):
+    from memo_core.interfaces.reception import Demographics
+
+    while (typed := bare(_told(question) or "")) and not (
+        typed.isdecimal() and 0 < int(typed[:4]) < Demographics.OLDEST
+    ):
         note(f"{typed!r} is no age: a whole number of years, or Enter for no answer")
     return int(typed) if typed else None

@@ -10,10 +10,18 @@ correct anything.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
+from pathlib import Path
 from typing import Literal
 
 import attrs
 
+from memo_core.interfaces.link import Link
+from memo_core.interfaces.perception import Perception
+from memo_core.interfaces.reception import Reception
+from memo_core.interfaces.simulator import Simulator
+from memo_core.robot.description import RobotDescription
+from memo_core.scene.description import SceneDescription
 from memo_core.scene.graph import SceneGraph
 
 
@@ -128,10 +136,30 @@ class ReadBack:
     struck: tuple[int, ...] = ()
 
 
+@attrs.frozen(eq=False)
+class Stage:
+    """The robot and its scene while a run goes on, for teachers that show it to a person.
+
+    ``simulator`` and ``perception`` are used only in the thread that moves the robot: that of ``Teacher.watch`` and of
+    tick listeners. Of ``link`` other threads may read positions and velocities, ``health`` and ``stopped``.
+    """
+
+    robot: RobotDescription
+    link: Link
+    perception: Perception
+    folder: Path  # of the run
+    stop: Callable[[], None]  # stops the robot, as Ctrl-C does; from any thread
+    end: Callable[[], None]  # stops the robot and ends the run, as Ctrl-C pressed twice does; from any thread
+    simulator: Simulator | None = None  # None: a real robot
+    scene: SceneDescription | None = None  # None: a real scene
+    book: str = ""  # URL of the run's skillbook, without a password; empty: none
+
+
 class Teacher(ABC):
     """Watches and may speak. ``who`` identifies the person in the skillbook."""
 
     who: str = "anonymous"
+    study: Path | None = None  # folder of the study that this teacher takes part in
     simulated: bool = False  # no person: a study asks for no consent, and its clock may be simulated
 
     def open(self) -> None: ...
@@ -150,6 +178,29 @@ class Teacher(ABC):
         time unless ``run.pace`` says otherwise. May be asked before ``open``."""
         return False
 
+    @property
+    def reception(self) -> Reception | None:
+        """Reception that meets this person before a session of a study; None: the terminal of the study's command."""
+        return None
+
+    def watch(self, stage: Stage) -> None:
+        """Begin to follow the robot; called when a run's world is open, in the thread that moves the robot.
+
+        Args:
+            stage: the robot and its scene, to be used until ``unwatch``.
+        """
+
+    def unwatch(self) -> None:
+        """End what ``watch`` began; called in the same thread, before the world is closed."""
+
+    def overhear(self, phase: str, text: str) -> None:
+        """Follow a model's answer while it is written; called from other threads.
+
+        Args:
+            phase: what the model was asked for, such as ``code``.
+            text: the next piece of its answer.
+        """
+
     @abstractmethod
     def judge(self, episode: Episode) -> Verdict:
         """Judge whether a subtask worked.
@@ -159,6 +210,9 @@ class Teacher(ABC):
 
         Returns:
             ``approve``, ``correct`` with words, or ``silent``.
+
+        Raises:
+            Stopped: if the person presses stop instead of answering; any question may be left in this way.
         """
 
     def interrupted(self, episode: Episode) -> Verdict:

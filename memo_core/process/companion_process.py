@@ -19,20 +19,38 @@ INTERRUPTED = 130  # exit code of a command that a signal ended
 GRACE_S = 5.0  # to end by itself; what is left of a model call that was given up takes two
 
 
-def start_companion(command: Sequence[str], output: IO[bytes]) -> subprocess.Popen[bytes]:
-    """Start a command that calls ``end_with_input``; what it prints and its errors go to ``output``."""
+def start_companion(
+    command: Sequence[str], output: IO[bytes], inherited: Sequence[int] = ()
+) -> subprocess.Popen[bytes]:
+    """Start a command that calls ``end_with_input``.
+
+    Args:
+        command: the program and its arguments.
+        output: file for what it prints and for its errors.
+        inherited: file descriptors that stay open in it.
+
+    Returns:
+        The process.
+    """
     return subprocess.Popen(
         command,
         stdin=subprocess.PIPE,
         stdout=output,
         stderr=output,
         start_new_session=True,  # Ctrl-C in a terminal goes to a whole group of processes
+        pass_fds=inherited,
     )
 
 
 def end_companion(process: subprocess.Popen[bytes]) -> int:
-    """End it, and kill it with all that it started if it is not over in time, or on an exception meanwhile. Returns its
-    exit code."""
+    """End a companion. If it is not over in time, or on an exception meanwhile, kill it with all that it started.
+
+    Args:
+        process: result of ``start_companion``.
+
+    Returns:
+        Its exit code.
+    """
     assert process.stdin is not None
     process.stdin.close()
     try:

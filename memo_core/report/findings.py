@@ -21,8 +21,7 @@ from memo_core.skillbook.model.entries import GLOBAL_KEY
 from memo_core.study.history import BOOK
 from memo_core.study.journal import Journal
 from memo_core.study.people import People
-from memo_core.study.running import study_sections
-from memo_core.study.study import CONFIG, journals_of, loader
+from memo_core.study.study import CONFIG, journals_of, loader, study_sections
 
 
 @attrs.frozen(eq=False)

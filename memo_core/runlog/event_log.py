@@ -64,7 +64,14 @@ class EventLog:
 
 
 def read_events(folder: Path) -> list[dict[str, Any]]:
-    """The events of a run; incomplete and damaged lines are left out."""
+    """Read the events of a run.
+
+    Args:
+        folder: the run's folder.
+
+    Returns:
+        One dictionary for each event, in order; incomplete and damaged lines are left out. Empty if there is no log.
+    """
     try:
         text = (folder / FILE).read_text(encoding="utf-8", errors="replace")
     except OSError:
@@ -78,3 +85,22 @@ def read_events(folder: Path) -> list[dict[str, Any]]:
         if isinstance(event, dict) and isinstance(event.get("event"), str):
             found.append(event)
     return found
+
+
+def goes_on(folder: Path) -> bool:
+    """Check whether a process is carrying out the run in a folder.
+
+    Args:
+        folder: the run's folder.
+
+    Returns:
+        True while a process holds the event log; False also on a file system without locks.
+    """
+    try:
+        with (folder / FILE).open("rb") as file:
+            fcntl.flock(file.fileno(), fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    return False

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 import uuid
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +13,13 @@ import attrs
 
 from memo_core.config import Experiment
 from memo_core.environment.hardware import HardwareEnvironment, World
+from memo_core.environment.simulated import SimulatedEnvironment
 from memo_core.errors import InvalidArgument, MemoError, Stopped
 from memo_core.events import Event, Problem, RunEnded, RunResumed, RunStarted, SubtaskEnded
 from memo_core.interfaces.llm import LanguageModel
 from memo_core.interfaces.perception import names_things
 from memo_core.interfaces.task import Outcome, Task
-from memo_core.interfaces.teacher import Teacher
+from memo_core.interfaces.teacher import Stage, Teacher
 from memo_core.llm.budget import Budget
 from memo_core.llm.calls import ModelCalls, Retrying
 from memo_core.llm.kept_calls import ASK, spent_in, usages_in
@@ -424,6 +425,20 @@ class _Run:
                 self.tell(Problem(name, f"its last line is incomplete and was left out ({count} bytes)"))
 
     @property
+    def _heard_text(self) -> Callable[[str, str], None] | None:
+        """Listener for the pieces of a model's answer; None if nobody listens, so that it need not be streamed."""
+        teacher, listener = self.components.teacher, self.on_text
+        if teacher is None or type(teacher).overhear is Teacher.overhear:
+            return listener
+
+        def both(phase: str, text: str) -> None:
+            teacher.overhear(phase, text)
+            if listener is not None:
+                listener(phase, text)
+
+        return both
+
+    @property
     def _live(self) -> bool:
         """Whether a person follows the motion as it happens."""
         return self.components.teacher is not None and self.components.teacher.follows_motion
@@ -522,12 +537,38 @@ class _Run:
                     world.view()
                 if self._in_real_time:
                     world.pace()
-                self._run_method(world)
+                with self._watched(world):
+                    self._run_method(world)
             if made.clustering is not None and made.book is not None:
                 self.log.leave_order()  # each cluster is stored by itself: one that is done is not asked about again
                 retrying = Retrying(made.settings.retries, made.settings.retry_wait_s)
                 calls = ModelCalls(made.llm, stop, self.log, self.tell, self.budget, retrying)
                 made.clustering.condense(made.book, calls, self.tell, self.seed)
+
+    @contextmanager
+    def _watched(self, world: World) -> Iterator[None]:
+        """Let the teacher follow the robot."""
+        teacher = self.components.teacher
+        if teacher is None:
+            yield
+            return
+        simulated = world if isinstance(world, SimulatedEnvironment) else None
+        stage = Stage(
+            robot=world.robot,
+            link=world.link,
+            perception=world.perception,
+            folder=self.folder.path,
+            stop=self.supervisor.stop.press,
+            end=self.supervisor.end,
+            simulator=simulated.simulator if simulated else None,
+            scene=simulated.description if simulated else None,
+            book=self.components.book.url if self.components.book is not None else "",
+        )
+        try:
+            teacher.watch(stage)
+            yield
+        finally:
+            teacher.unwatch()
 
     def _run_method(self, world: World) -> None:
         made, ended = self.components, self.ended
@@ -566,7 +607,7 @@ class _Run:
             images=made.images,
             prompts=made.prompts,
             budget=self.budget,
-            on_text=self.on_text,
+            on_text=self._heard_text,
         )
         try:
             if made.pinned and made.book is not None:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import hashlib
 from importlib import resources
 from pathlib import Path
-from typing import Protocol
 
 import attrs
 
 from memo_core.errors import InvalidArgument
+from memo_core.interfaces.reception import Demographics
 from memo_core.study.settings import Participant
 
 SAMPLE_MARK = "NOT FOR REAL PEOPLE"
@@ -26,26 +26,6 @@ class Consent:
     @property
     def digest(self) -> str:
         return hashlib.sha256(self.text.encode()).hexdigest()[:16]
-
-
-@attrs.frozen
-class Demographics:
-    """What a participant tells of themselves; None where they did not answer."""
-
-    age: int | None = None
-    gender: str | None = None
-    robots: str | None = None
-    language_models: str | None = None
-
-
-class Reception(Protocol):
-    """Meets real people before a session: at a terminal, or in a browser."""
-
-    def agrees(self, participant: str, text: str) -> bool:
-        """Show the text; whether the person agreed."""
-
-    def about(self, participant: str, known: Demographics) -> Demographics:
-        """Ask what is not known yet."""
 
 
 def read_consent(file: str) -> Consent:

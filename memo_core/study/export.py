@@ -49,8 +49,20 @@ def looks_personal(text: str, ids: Iterable[str] = (), known: frozenset[str] = f
 
 
 def export_study(experiment: Experiment, study: Path, out: Path, demographics: bool) -> dict[str, int]:
-    """Write ``runs.jsonl``, ``remarks.jsonl`` and ``review.jsonl`` to the new folder ``out``; with ``demographics``
-    also ids and ``people.jsonl``. Returns how many lines each has. Raises ``InvalidArgument``."""
+    """Write ``runs.jsonl``, ``remarks.jsonl`` and ``review.jsonl``.
+
+    Args:
+        experiment: the study's experiment.
+        study: the study's folder.
+        out: a new or empty folder for the files.
+        demographics: whether ids and ``people.jsonl`` are written too.
+
+    Returns:
+        Number of lines of each file.
+
+    Raises:
+        InvalidArgument: if ``out`` is not empty.
+    """
     if out.exists() and any(out.iterdir()):
         raise InvalidArgument("--to", f"{out} is not empty", "a new folder")
     out.mkdir(parents=True, exist_ok=True)

@@ -14,6 +14,7 @@ import attrs
 from memo_core.config import Experiment
 from memo_core.errors import InvalidArgument, Stopped
 from memo_core.events import SessionEnded, SessionTask, TimeLeft
+from memo_core.interfaces.reception import Reception
 from memo_core.interfaces.task import Task
 from memo_core.interfaces.teacher import Teacher
 from memo_core.plugins.registry import Registry
@@ -24,7 +25,7 @@ from memo_core.runs.idempotent_run import calls_that_count, do_one, public, wall
 from memo_core.runs.run import components_of
 from memo_core.skillbook import raw_log
 from memo_core.study.clock import active_seconds, time_left
-from memo_core.study.consent import Consent, Reception, demographics_of
+from memo_core.study.consent import Consent, demographics_of
 from memo_core.study.journal import Journal, TaughtRun, read_journal
 from memo_core.study.participants import Load, teacher_of
 from memo_core.study.people import People
@@ -45,8 +46,8 @@ class TeachingHistory:
 
 @attrs.frozen(eq=False)
 class Teaching:
-    """What all histories of a study share. ``report`` hears a line a run; ``sessions`` is how many may begin now, None:
-    any number."""
+    """Parts that all histories of a study share. ``reception`` meets people whose teacher has none of its own;
+    ``report`` hears a line a run; ``sessions`` is how many may begin now, None: any number."""
 
     load: Load
     registry: Registry
@@ -114,22 +115,26 @@ def _over(settings: StudySettings, journal: Journal, tasks: int) -> str:
 def _begin_session(history: TeachingHistory, teaching: Teaching, settings: StudySettings, journal: Journal) -> None:
     number = len(journal.sessions) + 1
     who = history.order[(number - 1) % len(history.order)]
-    consent = "simulated"
-    if not _teacher(teaching, who, None, 0, settings).simulated:
-        consent = teaching.consent.digest
-        if teaching.reception is None:
-            raise InvalidArgument(
-                "study.participants", f"{who.id} is a person and nobody receives them", "memo study run"
-            )
-        if not teaching.reception.agrees(who.id, teaching.consent.text):
-            raise Stopped(f"beginning session {number}: {who.id} did not agree")
-        teaching.people.note(
-            who.id, teaching.reception.about(who.id, teaching.people.known(who.id, demographics_of(who)))
-        )
-    else:
+    teacher = _teacher(history, teaching, who, None, 0, settings)
+    if teacher.simulated:
+        consent = "simulated"
         teaching.people.note(who.id, demographics_of(who))
+    else:
+        consent = teaching.consent.digest
+        reception = _reception(teaching, teacher, who)
+        if not reception.agrees(who.id, teaching.consent.text):
+            raise Stopped(f"beginning session {number}: {who.id} did not agree")
+        known = teaching.people.known(who.id, demographics_of(who))
+        teaching.people.note(who.id, reception.about(who.id, known))
     journal.note({"session": number, "participant": who.id, "consent": consent})
     teaching.report(f"history {history.number}, session {number}: {who.id}")
+
+
+def _reception(teaching: Teaching, teacher: Teacher, who: Participant) -> Reception:
+    reception = teacher.reception or teaching.reception
+    if reception is None:
+        raise InvalidArgument("study.participants", f"{who.id} is a person and nobody receives them", "memo study run")
+    return reception
 
 
 def _end_session(teaching: Teaching, history: TeachingHistory, journal: Journal) -> None:
@@ -141,8 +146,17 @@ def _end_session(teaching: Teaching, history: TeachingHistory, journal: Journal)
     teaching.registry.emit(SessionEnded(session.participant, session.number))
 
 
-def _teacher(teaching: Teaching, who: Participant, task: Task | None, seed: int, settings: StudySettings) -> Teacher:
-    return teacher_of(teaching.load, who, task, seed, settings.lessons)
+def _teacher(
+    history: TeachingHistory,
+    teaching: Teaching,
+    who: Participant,
+    task: Task | None,
+    seed: int,
+    settings: StudySettings,
+) -> Teacher:
+    teacher = teacher_of(teaching.load, who, task, seed, settings.lessons)
+    teacher.study = history.folder.parent
+    return teacher
 
 
 def _run(
@@ -154,7 +168,7 @@ def _run(
     task = task_of(experiment, run.task)
     who = next(one for one in history.order if one.id == run.participant)
     book = book_of(experiment, book_url, read_only=False)
-    teacher = _teacher(teaching, who, task, run.seed, settings)
+    teacher = _teacher(history, teaching, who, task, run.seed, settings)
     clustering = after_run(experiment)
     components = components_of(
         experiment, lambda: environment_of(experiment, task, run.seed), book, teacher, clustering=clustering

@@ -7,8 +7,8 @@ from pathlib import Path
 import attrs
 
 from memo_core.errors import InvalidArgument
+from memo_core.interfaces.reception import Demographics
 from memo_core.runlog.json_lines import append_line, read_lines
-from memo_core.study.consent import Demographics
 
 FILE = "people.jsonl"
 

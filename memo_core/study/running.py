@@ -12,19 +12,18 @@ import attrs
 
 from memo_core.config import Experiment
 from memo_core.errors import InvalidArgument, MemoError
+from memo_core.interfaces.reception import Reception
 from memo_core.plugins.registry import Registry
 from memo_core.process.stop_switch import StopSwitch
 from memo_core.process.worker_processes import in_processes
 from memo_core.runs.background import Consolidation
 from memo_core.runs.consolidation import in_background
 from memo_core.runs.run_errors import Halted, NotCarriedOut
-from memo_core.runs.sections import SECTIONS
-from memo_core.study.consent import Reception
 from memo_core.study.history import BOOK, Teaching, TeachingHistory, teach
 from memo_core.study.participants import Load
 from memo_core.study.people import People
 from memo_core.study.settings import StudySettings
-from memo_core.study.study import CONFIG, check, histories_of, loader, shared_settings
+from memo_core.study.study import CONFIG, check, histories_of, loader, shared_settings, study_sections
 
 Stopping = Callable[[], AbstractContextManager[StopSwitch]]
 
@@ -126,8 +125,3 @@ def _one_history(folder: Path, sessions: int | None, number: int) -> tuple[int, 
     thread.start()
     thread.join()
     return number, failed[0] if failed else lines
-
-
-def study_sections() -> dict[str, type]:
-    """The sections of an experiment file that a study reads."""
-    return SECTIONS | {"study": StudySettings}

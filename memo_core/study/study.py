@@ -23,6 +23,7 @@ from memo_core.runs.consolidation import after_run, in_background
 from memo_core.runs.factories import environment_of, models_of, task_of
 from memo_core.runs.folder import nested
 from memo_core.runs.resuming import check_config
+from memo_core.runs.sections import SECTIONS
 from memo_core.study.consent import Consent, check_for_people, read_consent
 from memo_core.study.history import BOOK, TeachingHistory, training_tasks
 from memo_core.study.journal import Journal, read_journal
@@ -115,8 +116,40 @@ def journals_of(experiment: Experiment, folder: Path) -> list[Journal]:
     return [read_journal(history.folder) for history in histories_of(experiment, folder)]
 
 
+def study_sections() -> dict[str, type]:
+    """The sections of an experiment file that a study reads."""
+    return SECTIONS | {"study": StudySettings}
+
+
+def load_study(folder: Path) -> Experiment:
+    """Load the experiment of a study that has begun.
+
+    Args:
+        folder: the study's folder, which ``Teacher.study`` names.
+
+    Returns:
+        The study's experiment, checked.
+
+    Raises:
+        InvalidArgument: if the folder holds no study.
+        ConfigErrors: if its configuration is not valid here.
+    """
+    config = folder / CONFIG
+    if not config.exists():
+        raise InvalidArgument("folder", f"{folder} holds no study ({CONFIG} is missing)", "the folder of a study")
+    return loader(Registry(), config, study_sections(), shared_settings(folder))()
+
+
 def status(experiment: Experiment, folder: Path) -> dict[str, Any]:
-    """Where a study stands, as ``memo study status --json`` prints it."""
+    """Report where a study stands, as ``memo study status --json`` prints it.
+
+    Args:
+        experiment: the study's experiment (``load_study``).
+        folder: the study's folder.
+
+    Returns:
+        A dictionary with the ``histories`` and their sessions.
+    """
     settings: StudySettings = experiment.section("study")
     planned = len(training_tasks(experiment, settings)) * settings.rounds
     shown = []

@@ -55,9 +55,16 @@ def bare(typed: str) -> str:
 
 
 def meaning_of(words: str) -> Meaning:
-    """The meaning of a typed answer. ``unsure``: it begins with praise and says more than that ("good, but lower"), or
-    it is a word or two that may be a yes or no in other words ("ja", "👍"). Words that are too long to be read are a
-    correction."""
+    """Classify a typed answer.
+
+    Args:
+        words: the answer as typed.
+
+    Returns:
+        ``approve``, ``silent``, ``correct``, ``explain`` or ``empty``; ``unsure`` if the answer begins with praise and
+            says more than that ("good, but lower"), or is a word or two that may be a yes or no in other words ("ja",
+            "👍"). Words that are too long to be read are a correction.
+    """
     if too_long(words):
         return "correct"
     plain = " ".join(words.lower().replace("’", "'").split())

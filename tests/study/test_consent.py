@@ -8,7 +8,8 @@ import pytest
 
 from memo_core.cli.study import AtTerminal
 from memo_core.errors import InvalidArgument
-from memo_core.study.consent import MUST_SAY, Demographics, check_for_people, read_consent
+from memo_core.interfaces.reception import Demographics
+from memo_core.study.consent import MUST_SAY, check_for_people, read_consent
 from memo_core.study.settings import Participant
 
 

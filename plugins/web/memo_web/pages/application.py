@@ -1,0 +1,65 @@
+"""The web application: the stop, pictures and meshes, and the pages, behind the guard."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from fastapi import FastAPI, Request, Response
+from nicegui import app as nicegui_app, ui
+
+from memo_web.pages.guard import Allowed, Guard
+from memo_web.pages.run_view import RunView
+
+# Modules with a function ``add_pages(view)``, in the order of their links.
+PAGES = (
+    "memo_web.pages.participant",
+    "memo_web.pages.teach",
+    "memo_web.pages.replay",
+    "memo_web.pages.why_pages",
+    "memo_web.pages.operator",
+)
+
+
+def application(view: RunView, allowed: Allowed) -> Any:
+    """Build the application.
+
+    Args:
+        view: the run.
+        allowed: what the guard lets in.
+
+    Returns:
+        An ASGI application.
+    """
+    app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
+
+    @app.post("/stop")
+    async def stop(request: Request) -> dict[str, str]:
+        body = await request.json()
+        view.press_stop(str(body.get("press", "")) if isinstance(body, dict) else "")
+        return {"state": view.stop}
+
+    @app.get("/picture/{camera:path}")
+    async def picture(camera: str, request: Request) -> Response:
+        taken = view.pictures.get(camera)
+        if taken is None or not view.may_answer(request.state.visitor):
+            return Response(status_code=404)
+        return Response(taken.data, media_type="image/jpeg", headers={"Cache-Control": "no-store"})
+
+    @app.get("/mesh/{number}.stl")
+    async def mesh(number: int) -> Response:
+        data = view.meshes.get(number)
+        return Response(data, media_type="model/stl") if data is not None else Response(status_code=404)
+
+    for module in PAGES:
+        importlib.import_module(module).add_pages(view)
+    nicegui_app.config.socket_io_js_transports = ["websocket"]
+    ui.run_with(
+        app,
+        title="MEMO",
+        favicon="🤖",
+        reconnect_timeout=5.0,
+        show_welcome_message=False,
+        gzip_middleware_factory=None,
+    )
+    return Guard(app, allowed)
