@@ -59,10 +59,11 @@ def rim_grasps(name, place=None):
     return [grasp[1:] for grasp in sorted(grasps, key=lambda grasp: -grasp[0])]
 
 
-def pick_up(name, lift=0.15, place=None):
+def pick_up(name, lift=0.15, place=None, first=0):
     # returns the hand's place from the middle of what it holds, how far it is above its underside, and the hand's turn
     problem = "it is too wide for the hand"
-    for point, yaw in across_grasps(name) or rim_grasps(name, place):
+    grasps = across_grasps(name) or rim_grasps(name, place)
+    for point, yaw in grasps[first:] or grasps:
         hand = top_orientation(yaw)
         start, underside = get_position(name), get_bounds(name)[0][2]
         above = [point[0], point[1], get_bounds(name)[1][2] + 0.08]
@@ -99,7 +100,7 @@ def steepest(name):
 def lay_down(name, place):
     # a flat thing, which by and by hangs from its rim: first its lowest edge, on which it then tips over
     x, y, z = get_gripper_position()
-    move_to([place[0], place[1], max(z, place[2] + 0.22)])
+    move_to([place[0], place[1], max(z, place[2] + 0.17)])
     look()
     way, level, radius = steepest(name)
     middle, at = get_position(name), get_gripper_position()
@@ -122,14 +123,21 @@ def put_away(name, boxes):
 
 
 def set_down(name, place, lift=0.15):
-    # with its middle over a place, which may be the top of something
+    # with its middle over a place, which may be the top of something; held elsewhere if the arm cannot get there so
     flat = min(get_size(name)) < 0.03 and not across_grasps(name)
-    held = pick_up(name, lift, place)
-    look()
-    if flat:
-        lay_down(name, place)
-    else:
-        put_down(place, held)
+    low = get_bounds(name)[0][2]
+    lift = max(lift, place[2] - low + 0.12)
+    for first in [0, 1, 2]:
+        start = get_position(name)
+        held = pick_up(name, lift, place, first)
+        look()
+        try:
+            return lay_down(name, place) if flat else put_down(place, held)
+        except MotionError as error:
+            problem = error
+        if is_holding():
+            put_down([start[0], start[1], low], held, 0.03)
+    raise problem
 
 
 def put_down(place, held, clearance=0.008, hover=0.12):
