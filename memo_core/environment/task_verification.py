@@ -117,7 +117,9 @@ def verify_task(
             null = world.check()
             world.restore(start)
             if not world.task.reference_solution:
-                yield Verified(world.task.name, seed, Outcome(False, "the task has no reference solution"), null)
+                why = f": {world.task.unsolved}" if world.task.unsolved else ""
+                none = Outcome(False, f"the task has no reference solution{why}")
+                yield Verified(world.task.name, seed, none, null)
                 continue
             begun, cpu = world.time(), time.process_time()
             error = run_code(world, world.task.reference_solution, sandbox).error

@@ -58,6 +58,7 @@ class Task(ABC):
     split: str = "training"  # or "held-out"
     time_limit: float = 300.0  # simulated seconds
     settle: float = 2.5  # simulated seconds to let pass with the arm still before ``check``
+    unsolved: str = ""  # why there is no reference solution, where there is none
     # Of a task with a property that only a person can tell; for reports and simulated teachers, not shown to models.
     lesson: str = ""  # what a person who knows the trick would say, in one sentence
     trick: str = ""  # a name of the property, the same for every task that has it
@@ -105,7 +106,8 @@ class Task(ABC):
 
     @property
     def reference_solution(self) -> str:
-        """Robot code written by hand that solves the task; used by tests and ``memo tasks verify`` only."""
+        """Robot code written by hand that solves the task; used by tests and ``memo tasks verify`` only. Empty only
+        where ``unsolved`` says why."""
         return ""
 
     @property

@@ -207,9 +207,11 @@ def monitors_are_new_and_remember(make: Make) -> None:
 
 @rule
 def reference_solutions_are_code(make: Make) -> None:
-    """A hand-written solution exists; it and the plain attempt, if there is one, are Python."""
+    """A hand-written solution exists, or the task says why there is none; it and the plain attempt are Python."""
     for task in make():
-        assert task.reference_solution.strip(), f"{task.name} has none"
+        solved, unsolved = bool(task.reference_solution.strip()), bool(task.unsolved.strip())
+        assert solved or unsolved, f"{task.name} has none, and does not say why (`unsolved`)"
+        assert not (solved and unsolved), f"{task.name} has one, and says why there is none"
         for code in (task.reference_solution, task.plain_attempt):
             try:
                 compile(code, task.name, "exec")

@@ -261,6 +261,19 @@ class Unwritten(Lift):
         return "move_to("
 
 
+class Unsolved(Lift):
+    reference_solution = ""
+    unsolved = "nobody has written one yet"
+
+
+class Unexplained(Unsolved):
+    unsolved = ""
+
+
+class Contradictory(Lift):
+    unsolved = "there is none"
+
+
 WRONG_SUITES = {
     "tasks_have_names_and_instructions": lambda: [Shouted()],
     "goals_say_what_should_be_visible": lambda: [Numeric()],
@@ -448,6 +461,15 @@ CASES: list[tuple[Any, Any, dict[str, Any]]] = [
     (llm, Echo, WRONG_MODELS),
     (method, GoesHome, WRONG_METHODS),
 ]
+
+
+def test_a_task_without_a_reference_solution_says_why():
+    rule = suite.RULES["reference_solutions_are_code"]
+    rule(lambda: [Unsolved()])
+    with pytest.raises(AssertionError, match="does not say why"):
+        rule(lambda: [Unexplained()])
+    with pytest.raises(AssertionError, match="says why there is none"):
+        rule(lambda: [Contradictory()])
 
 
 @pytest.mark.parametrize(("module", "right", "wrong"), CASES, ids=lambda case: getattr(case, "__name__", ""))

@@ -33,6 +33,16 @@ def reference_program(told: Mapping[str, Any], labels: Mapping[str, str]) -> str
     return "\n\n".join([*map(_text, ("handling", *kinds)), "\n".join(calls)])
 
 
+def without_program(told: Mapping[str, Any], labels: Mapping[str, str]) -> str:
+    """What there is no program for, such as "no program of ours is for 'close': microwave"; empty if there is one."""
+    missing = [
+        f"{predicate!r}: {' '.join(names[-1:])}"
+        for predicate, *names in told["goal"]
+        if _step(predicate, names, labels, told["regions"]) is None
+    ]
+    return f"no program of ours is for {', '.join(missing)}" if missing else ""
+
+
 @functools.cache
 def _text(name: str) -> str:
     return resources.files("memo_libero.solutions").joinpath(f"{name}.py").read_text(encoding="utf-8").strip()

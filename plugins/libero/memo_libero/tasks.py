@@ -16,7 +16,7 @@ from memo_core.plugin import Outcome, SceneDescription, Task, WorldState
 from memo_libero.connection import Place, Server, borrowed
 from memo_libero.environment import python_of
 from memo_libero.names import goal_sentences, labels_of
-from memo_libero.reference import reference_program
+from memo_libero.reference import reference_program, without_program
 from memo_libero.scene import LINKS, LiberoScene, scene_of
 from memo_libero.settings import SuiteSettings
 
@@ -78,6 +78,11 @@ class LiberoTask(Task):
     def reference_solution(self) -> str:
         """Our program for this kind of task; empty if there is none."""
         return reference_program(self.told, self.labels)
+
+    @functools.cached_property
+    def unsolved(self) -> str:  # type: ignore[override]
+        """Which part of the goal no program of ours is for."""
+        return without_program(self.told, self.labels)
 
 
 def _judged(world: WorldState) -> tuple[bool, bool]:
