@@ -143,11 +143,20 @@ def _where(predicate: str, region: str, owner: str, labels: Mapping[str, str]) -
         return f"in the {owner} {_COMPARTMENTS[region]}" if region in _COMPARTMENTS else f"in the {owner}"
     for ending, side in _BESIDE.items():
         if region.endswith(f"_{ending}"):
-            return f"{side} the {_beside(region.removesuffix(f'_{ending}'), labels)}"
+            return f"{side} the {beside(region, labels)}"
     return f"on the {owner}"
 
 
-def _beside(category: str, labels: Mapping[str, str]) -> str:
-    """The thing that a place on a table is named after, by its category or the end of it (``stove``)."""
+def beside(region: str, labels: Mapping[str, str]) -> str:
+    """The thing that a place on a table is beside.
+
+    Args:
+        region: end of the place's name, such as ``plate_right_region``: a category, or the end of one, and a side.
+        labels: name of a thing -> label.
+
+    Returns:
+        The thing's label.
+    """
+    category = region.rpartition("_")[0].rpartition("_")[0]
     found = [labels[name] for name in sorted(labels) if name.rpartition("_")[0].endswith(category)]
     return found[0] if found else category.replace("_", " ")

@@ -10,8 +10,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from importlib import resources
 from typing import Any
 
-from memo_libero.names import DRAWERS, mover_of
+from memo_libero.names import DRAWERS, beside, mover_of, space_label
 
+_SIDES = {"front": [1, 0], "right": [0, 1], "left": [0, -1]}
 _TURN_RAD = {"turnon": 1.2, "turnoff": -1.2}
 
 
@@ -56,6 +57,8 @@ def _step(
         return ("turn_knob",), f"turn_knob({labels[names[0]] + ' knob'!r}, {_TURN_RAD[predicate]})"
     if predicate == "open" and names[0] in regions:
         return ("open_drawer",), f"open_drawer({mover_of(names[0], labels, regions)!r})"
+    if predicate == "close" and names[0] in regions:
+        return ("open_drawer", "close_drawer"), f"close_drawer({mover_of(names[0], labels, regions)!r})"
     if predicate in ("on", "in"):
         return next(_placing(predicate, names[0], names[1], labels, regions), None)
     return None
@@ -69,16 +72,17 @@ def _placing(
         yield ("put_on",), f"put_on({name!r}, {labels[place]!r})"
         return
     owner = regions[place]
-    region, label = place.removeprefix(f"{owner}_"), labels[owner]
+    region, label = place.removeprefix(f"{owner}_"), labels.get(owner, "")
     if predicate == "on" and region in ("cook_region", "top_side"):
         yield ("put_on",), f"put_on({name!r}, {label!r})"
-    elif predicate == "on" and region == "stove_front_region":
-        yield ("put_before",), f"put_before({name!r}, {_stove(labels)!r})"
+    elif predicate == "on" and (side := _side(region)):
+        yield ("put_beside",), f"put_beside({name!r}, {beside(region, labels)!r}, {side})"
     elif predicate == "in" and "cabinet" in label:
         yield ("open_drawer", "put_in_drawer"), f"put_in_drawer({name!r}, {DRAWERS[region]!r})"
-    elif predicate == "in" and region == "contain_region":
-        yield ("put_in",), f"put_in({name!r}, {label!r})"
+    elif predicate == "in" and region.endswith("contain_region"):
+        yield ("put_in",), f"put_in({name!r}, {space_label(label, region, 0)!r})"
 
 
-def _stove(labels: Mapping[str, str]) -> str:
-    return next(label for label in labels.values() if label.startswith("stove"))
+def _side(region: str) -> list[int]:
+    """Direction in the base frame, as one sees it who faces the robot; empty for another place."""
+    return next((side for ending, side in _SIDES.items() if region.endswith(f"_{ending}_region")), [])
