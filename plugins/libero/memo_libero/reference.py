@@ -35,7 +35,15 @@ def reference_program(told: Mapping[str, Any], labels: Mapping[str, str]) -> str
 
 
 def without_program(told: Mapping[str, Any], labels: Mapping[str, str]) -> str:
-    """What there is no program for, such as "no program of ours is for 'close': microwave"; empty if there is one."""
+    """Name the parts of a goal that have no program.
+
+    Args:
+        told: what the suite's files say of the task.
+        labels: name of a thing -> label.
+
+    Returns:
+        A reason such as "no program of ours is for 'close': microwave_1"; empty if all parts have one.
+    """
     missing = [
         f"{predicate!r}: {' '.join(names[-1:])}"
         for predicate, *names in told["goal"]

@@ -81,7 +81,7 @@ class LiberoTask(Task):
 
     @functools.cached_property
     def unsolved(self) -> str:  # type: ignore[override]
-        """Which part of the goal no program of ours is for."""
+        """The parts of the goal that have no program of ours; empty if there is a reference solution."""
         return without_program(self.told, self.labels)
 
 

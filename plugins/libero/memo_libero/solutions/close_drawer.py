@@ -1,5 +1,5 @@
 def close_drawer(drawer):
-    # the closed fingers push on its handle until it gives way no more
+    # the closed fingers push on its handle until it stops
     out = out_of(drawer)
     x, y, z = get_position(drawer + " handle")
     inward = [-out[0], -out[1], 0]
