@@ -167,7 +167,7 @@ class Visitor:
 
     def sees(self, text: str, within_ms: int = WAIT_MS) -> None:
         """Wait until the page shows a text."""
-        self.page.get_by_text(text).first.wait_for(timeout=within_ms)
+        self.page.get_by_text(text).filter(visible=True).first.wait_for(timeout=within_ms)
 
     def press(self, name: str) -> None:
         """Press a button."""

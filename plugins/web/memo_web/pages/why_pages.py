@@ -34,6 +34,7 @@ ONE = {
     "call": "call of a function",
 }
 OUTCOMES = {"approved": "it worked", "corrected": "corrected", "unobserved": "nobody said", "not over": "not over yet"}
+_READING_S = 60.0  # a large book, with many folders of runs, on a machine under load
 _MOST_SHOWN = 200  # entries of a list, and uses of an entry
 _records = RunRecords()
 
@@ -99,13 +100,13 @@ def add_pages(view: RunView) -> None:
         heading("This page is for the person who runs the study")
         return None
 
-    @ui.page("/why")
+    @ui.page("/why", response_timeout=_READING_S)
     async def why() -> None:
         with framed(view, "Why"):
             if (book := shelf()) is not None:
                 await show_list(book)
 
-    @ui.page("/why/{number}")
+    @ui.page("/why/{number}", response_timeout=_READING_S)
     async def why_entry(number: int) -> None:
         with framed(view, "Why"):
             if (book := shelf()) is not None:
