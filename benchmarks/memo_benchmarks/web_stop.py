@@ -36,9 +36,9 @@ from memo_core.runs.signal_handling import Supervisor
 AIM_MS = 150.0
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 _FLAGS = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox")
-_WAIT_MS = 60_000
+_WAIT_MS = 180_000
 _MOVING_S = 0.25  # since the last command, at most: the arm moves (drawing pictures takes a part of it)
-_RANDOM_S = (0.1, 1.0)  # that it has moved when the button is pressed
+_RANDOM_S = (0.1, 0.6)  # that it has moved when the button is pressed
 
 
 def bench_web_stop(
