@@ -267,9 +267,20 @@ def test_an_old_approval_does_nothing(watched, pages):
     assert result(results).kind == "silent"
 
 
-def test_ending_ends_the_run(watched, pages):
+@pytest.mark.parametrize("ask", [lambda teacher: teacher.judge(EPISODE), lambda teacher: teacher.interrupted(EPISODE)])
+def test_ending_ends_the_run_also_while_a_question_is_open(watched, pages, ask):
+    results = watched.asked(ask)
+    question(pages)
     pages.handlers["end"]({})
     assert watched.ended.is_set()
+    assert isinstance(result(results), Stopped)
+
+
+def test_a_stop_that_no_page_pressed_leaves_an_open_question(watched, pages):
+    results = watched.asked(lambda teacher: teacher.judge(EPISODE))
+    question(pages)
+    watched.link.stop()
+    assert isinstance(result(results), Stopped)
 
 
 def test_a_server_that_cannot_be_started_again_ends_the_wait(watched, pages):

@@ -175,6 +175,7 @@ class WebTeacher(Teacher):
     def _end(self) -> None:
         stage = self._stage
         if stage is not None:
+            self._stop.held = True  # leaves an open question
             stage.end()
 
     # -- questions and answers -----------------------------------------------------------------------------------------
@@ -195,6 +196,10 @@ class WebTeacher(Teacher):
         if words and self._stage is not None:
             self._remark = words
             self._press("remark")
+
+    def _stopped_elsewhere(self) -> bool:
+        """Whether something else than a page has stopped the robot, while a question was open that no stop led to."""
+        return self._stage is not None and self._stage.link.stopped
 
     def _check_pages(self) -> None:
         if self._pages.lost:
@@ -228,7 +233,7 @@ class WebTeacher(Teacher):
         self._pages.send("question", keep="question", question=question)
         try:
             while True:
-                if self._stop.held:
+                if self._stop.held or (not after_a_stop and self._stopped_elsewhere()):
                     raise Stopped("waiting for the person")
                 if after_a_stop:
                     self._confirm_stop()
