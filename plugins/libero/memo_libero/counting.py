@@ -13,7 +13,7 @@ from memo_libero.tasks import AT_END, EVER
 
 _COMMAND = "memo tasks verify --config examples/libero.yaml --seeds 0-4 --out FILE NAME…; memo suites count FILE"
 _NOTE = (
-    "episodes by part. Poses from simulator state, JOINT_POSITION at kp 900 and 100 Hz, programs of ours, no model. "
+    "episodes by part. Poses from {poses}, JOINT_POSITION at kp 900 and 100 Hz, programs of ours, no model. "
     "These are no comparison with policies that see pictures."
 )
 
@@ -40,14 +40,22 @@ def _part(task: str, where: str) -> str:
     return max(names, key=len)
 
 
-def counted(rows: Iterable[dict[str, Any]]) -> dict[str, Any]:
-    """A table by part, as the documentation's tables are made of."""
+def counted(rows: Iterable[dict[str, Any]], poses: str) -> dict[str, Any]:
+    """A table by part, as the documentation's tables are made of.
+
+    Args:
+        rows: results of episodes (``rows_of``).
+        poses: where the programs had the poses of things from, for the note.
+
+    Returns:
+        Command, note and rows.
+    """
     by_part: dict[str, list[dict[str, Any]]] = {}
     for row in rows:
         by_part.setdefault(row["part"], []).append(row)
     return {
         "command": _COMMAND,
-        "note": _NOTE,
+        "note": _NOTE.format(poses=poses),
         "rows": [_row(part, by_part[part]) for part in sorted(by_part, key=PARTS.index)],
     }
 
