@@ -19,12 +19,15 @@ _NOTE = (
 
 
 def rows_of(files: Sequence[Path]) -> Iterator[dict[str, Any]]:
-    """The results in some files, each task and seed once. Raises ``InvalidArgument`` for another file."""
+    """The results in some files, each task and seed once; tasks without a reference program are left out. Raises
+    ``InvalidArgument`` for another file."""
     seen: dict[tuple[str, int], dict[str, Any]] = {}
     for file in files:
         try:
             for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), start=1):
                 row = json.loads(line)
+                if row["measures"] == {}:  # nothing ran
+                    continue
                 float(row["measures"][EVER])
                 seen[row["task"], row["seed"]] = row | {"part": _part(row["task"], f"line {number} of {file}")}
         except (OSError, ValueError, KeyError, TypeError) as error:
