@@ -7,6 +7,7 @@ time, and hear what the robot says aloud. They misjudge at a stated rate. What t
 from __future__ import annotations
 
 import json
+import re
 import zlib
 from importlib import resources
 
@@ -163,7 +164,8 @@ class SimulatedTeacher(Teacher):
         filled = {"object": "it", "place": "place", "side": "over", "amount": "a bit"} | blanks
         if not self._drawn(self.settings.precision):
             filled["amount"] = "a bit"
-        return self._put(phrases[int(self._rng.integers(len(phrases)))].format(**filled))
+        remark = phrases[int(self._rng.integers(len(phrases)))].format(**filled)
+        return self._put(re.sub(r"\bthe it\b", "it", remark))
 
     def _vocabulary(self, cause: str) -> list[str]:
         """This person's phrasings of a fault: always the same, whatever else was drawn."""

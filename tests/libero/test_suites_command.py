@@ -95,8 +95,9 @@ def test_counts_tell_both_rules_apart_and_count_no_trial_twice(tmp_path):
         for n, (ever, end) in enumerate(verdicts)
     ]
     file = tmp_path / "out.jsonl"
-    file.write_text("".join(json.dumps(row) + "\n" for row in [*rows, rows[0]]))
-    [row] = counted(rows_of([file]))["rows"]
+    unsolved = {"task": "goal-task-put-the-wine-bottle-on-the-rack", "seed": 0, "measures": {}, "null": False}
+    file.write_text("".join(json.dumps(row) + "\n" for row in [*rows, rows[0], unsolved]))
+    [row] = counted(rows_of([file]), "two cameras")["rows"]
     assert row["part"] == "`libero_goal_task`" and row["tasks"] == "1"
     assert (row["held at some moment"], row["holds at the end"]) == ("2 of 4", "1 of 4")
     done = run("count", str(file), "--out", str(tmp_path / "table.json"))

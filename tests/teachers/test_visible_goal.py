@@ -109,6 +109,17 @@ def test_a_forgotten_thing_is_named_and_a_finished_task_approved():
     assert teacher().judge_task(TaskEpisode("clean up", before, done, goal)).kind == "approve"
 
 
+def test_a_finished_task_that_is_misjudged_is_not_called_the_it():
+    done = graph([at(NAPKIN, 0.3, -0.5, 0.03), BIN], [("napkin", "in", "bin")])
+    episode = TaskEpisode("clean up", done, done, ("the napkin is in the bin",))
+    said = set()
+    for seed in range(20):
+        wrong = SimulatedTeacher(SimulatedTeacherSettings(misjudges=1.0, seed=seed))
+        wrong.open()
+        said.add(wrong.judge_task(episode).words)
+    assert len(said) > 2 and any(" it " in words for words in said) and not any("the it" in words for words in said)
+
+
 def test_who_was_told_no_goal_or_cannot_see_it_says_nothing():
     scene = graph([BOX, DOOR], [("box/door", "closed")])
     assert teacher().judge_task(TaskEpisode("tidy up", scene, scene)).kind == "silent"

@@ -41,12 +41,15 @@ def list_suites(where: Folder = None, json: Json = False) -> None:
 def count(
     files: Annotated[list[Path], typer.Argument(help="Files that `memo tasks verify --out` wrote.")],
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Also write the table's data here.")] = None,
+    poses: Annotated[
+        str, typer.Option("--poses", metavar="TEXT", help="For the note: where poses came from, such as 'two cameras'.")
+    ] = "simulator state",
     json: Json = False,
 ) -> None:
     """Count what reference programs did on LIBERO, by part: by LIBERO's rule, and at the end."""
     from memo_libero.counting import counted, rows_of, write_table
 
-    table = counted(rows_of(files))
+    table = counted(rows_of(files), poses)
     if out is not None:
         write_table(out, table)
     if json:

@@ -13,18 +13,21 @@ from memo_libero.tasks import AT_END, EVER
 
 _COMMAND = "memo tasks verify --config examples/libero.yaml --seeds 0-4 --out FILE NAME…; memo suites count FILE"
 _NOTE = (
-    "episodes by part. Poses from simulator state, JOINT_POSITION at kp 900 and 100 Hz, programs of ours, no model. "
+    "episodes by part. Poses from {poses}, JOINT_POSITION at kp 900 and 100 Hz, programs of ours, no model. "
     "These are no comparison with policies that see pictures."
 )
 
 
 def rows_of(files: Sequence[Path]) -> Iterator[dict[str, Any]]:
-    """The results in some files, each task and seed once. Raises ``InvalidArgument`` for another file."""
+    """The results in some files, each task and seed once; tasks without a reference program are left out. Raises
+    ``InvalidArgument`` for another file."""
     seen: dict[tuple[str, int], dict[str, Any]] = {}
     for file in files:
         try:
             for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), start=1):
                 row = json.loads(line)
+                if row["measures"] == {}:  # nothing ran
+                    continue
                 float(row["measures"][EVER])
                 seen[row["task"], row["seed"]] = row | {"part": _part(row["task"], f"line {number} of {file}")}
         except (OSError, ValueError, KeyError, TypeError) as error:
@@ -40,14 +43,22 @@ def _part(task: str, where: str) -> str:
     return max(names, key=len)
 
 
-def counted(rows: Iterable[dict[str, Any]]) -> dict[str, Any]:
-    """A table by part, as the documentation's tables are made of."""
+def counted(rows: Iterable[dict[str, Any]], poses: str) -> dict[str, Any]:
+    """A table by part, as the documentation's tables are made of.
+
+    Args:
+        rows: results of episodes (``rows_of``).
+        poses: where the programs had the poses of things from, for the note.
+
+    Returns:
+        Command, note and rows.
+    """
     by_part: dict[str, list[dict[str, Any]]] = {}
     for row in rows:
         by_part.setdefault(row["part"], []).append(row)
     return {
         "command": _COMMAND,
-        "note": _NOTE,
+        "note": _NOTE.format(poses=poses),
         "rows": [_row(part, by_part[part]) for part in sorted(by_part, key=PARTS.index)],
     }
 
