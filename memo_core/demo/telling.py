@@ -26,8 +26,9 @@ def note_told(
             task = task_of(experiment, remark.task)
             with environment_of(experiment, task, experiment.seed) as world:
                 scene = scene_table(world.look())
-            about = {"task": task.instruction, "subtask": remark.subtask, "scene_graph": scene}
-            opened.record_feedback(remark.words, remark.who, **about)
+            opened.record_feedback(
+                remark.words, remark.who, task=task.instruction, subtask=remark.subtask, scene_graph=scene
+            )
         if told:
             with calls_without_a_run(experiment, llm, emit, stop, "told") as calls:
                 reasks = experiment.section("run").reasks
