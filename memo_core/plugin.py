@@ -51,9 +51,11 @@ if TYPE_CHECKING:
         NO_MEMORY as NO_MEMORY,
         Backend as Backend,
         Demo as Demo,
+        DemoRun as DemoRun,
         Memory as Memory,
         Needs as Needs,
         NoSettings as NoSettings,
+        Told as Told,
     )
     from memo_core.interfaces.driver import (
         GripperDriver as GripperDriver,

@@ -226,7 +226,7 @@ def demo(
     """Run the demo on many seeds: fails, is taught, succeeds, transfers. No videos unless asked for."""
     from memo_benchmarks.demo_sweep import demos
     from memo_core.cli.tasks import read_seeds
-    from memo_core.demo.result import CHAPTERS
+    from memo_core.demo.result import chapters_of
 
     wanted = read_seeds(seeds)
     registry, experiment = load(config, [QUIET, *(overrides or [])])
@@ -242,7 +242,7 @@ def demo(
     if json:
         print_json(measured)
         return
-    names = [part.name for part in CHAPTERS]
+    names = [part.name for part in chapters_of(experiment.choice("suite").backend.demo)]
     outcomes = [(row["seed"], *(row[n] for n in names), row["told"], row["wall_s"]) for row in measured["stories"]]
     print_table(("seed", *names, "told", "seconds"), outcomes)
     for row in measured["stories"]:

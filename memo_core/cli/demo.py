@@ -33,8 +33,8 @@ def command(
 ) -> None:
     """Teach the simulated arm once by language and test whether the lesson transfers to a task that was never
     corrected. Four runs: without memory; taught; another task with an empty book; the same with the book from the
-    lesson. Reports what happened, whatever the outcome, and writes videos and a page with images. Exit code 0 when all
-    four runs took place.
+    lesson; of the suite house-rules: without memory; told a rule; an older rule; a newer one. Reports what happened,
+    whatever the outcome, and writes videos and a page with images. Exit code 0 when all runs took place.
     """
     from memo_core.cli.narration import Narrator
     from memo_core.demo.running import run_demo
@@ -71,11 +71,9 @@ def command(
 
 
 def _tell(report: DemoReport) -> None:
-    from memo_core.demo.result import CHAPTERS
-
     why = report.why()
     rows = []
-    for part in CHAPTERS:
+    for part in report.chapters:
         if part.name in report.runs:
             run = report.runs[part.name]
             rows.append((part.title, run.instruction, "done" if run.success else "not done", why[part.name]))

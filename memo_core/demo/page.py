@@ -14,7 +14,7 @@ from typing import Any
 import jinja2
 import numpy as np
 
-from memo_core.demo.result import CHAPTERS, DemoReport
+from memo_core.demo.result import DemoReport
 from memo_core.report.run_reader import Story, Try, read_story
 
 STRIP = 5  # pictures of an attempt
@@ -25,7 +25,7 @@ LOOK_WIDTH = 480  # pixels, of what perception saw in a look: its names must be 
 def write_demo_report(report: DemoReport) -> Path:
     """Write ``report.html`` into the demo's folder; returns its path."""
     chapters: list[dict[str, Any]] = []
-    for part in CHAPTERS:
+    for part in report.chapters:
         if part.name not in report.runs:
             continue
         run = report.runs[part.name]

@@ -1,4 +1,4 @@
-"""The result of ``memo demo``: its four runs, and whether the lesson transferred as expected."""
+"""The result of ``memo demo``: its runs, and whether the lesson transferred as expected."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from memo_core.runs.run import RunReport
 
 @attrs.frozen
 class Chapter:
-    """One of the four runs."""
+    """One of the runs."""
 
-    name: str  # as in the JSON: empty_book, after_feedback, transfer_empty_book, transfer
+    name: str  # as in the JSON: empty_book, after_feedback, transfer_empty_book, transfer, or as in ``Demo.runs``
     folder: str
     title: str
     expected: bool  # the success that the story needs
@@ -27,6 +27,12 @@ CHAPTERS = (
     Chapter("transfer_empty_book", "3-transfer-empty-book", "Another task, with an empty book", False),
     Chapter("transfer", "4-transfer", "The same, with the book of the lesson", True),
 )
+
+
+def chapters_of(demo: Demo) -> tuple[Chapter, ...]:
+    """The runs of a demo in their order."""
+    told = enumerate(demo.runs, start=1)
+    return tuple(Chapter(run.name, f"{n}-{run.name}", run.title, run.expected) for n, run in told) or CHAPTERS
 
 
 @attrs.frozen(eq=False)
@@ -43,11 +49,15 @@ class DemoReport:
     @property
     def told(self) -> bool:
         """Whether the outcome was as expected: fails, is taught, succeeds, transfers."""
-        return not self.interrupted and all(self.runs[c.name].success == c.expected for c in CHAPTERS)
+        return not self.interrupted and all(self.runs[c.name].success == c.expected for c in self.chapters)
+
+    @property
+    def chapters(self) -> tuple[Chapter, ...]:
+        return chapters_of(self.demo)
 
     @property
     def interrupted(self) -> bool:
-        return len(self.runs) < len(CHAPTERS) or any(run.ended_by_person for run in self.runs.values())
+        return len(self.runs) < len(self.chapters) or any(run.ended_by_person for run in self.runs.values())
 
     def why(self) -> dict[str, str]:
         """A sentence for each run: the success check's reason, and how the run ended."""
@@ -60,7 +70,7 @@ class DemoReport:
 
     def summary(self) -> dict[str, Any]:
         outcomes: dict[str, Any] = {
-            c.name: self.runs[c.name].success if c.name in self.runs else None for c in CHAPTERS
+            c.name: self.runs[c.name].success if c.name in self.runs else None for c in self.chapters
         }
         return outcomes | {
             "wall_s": round(self.wall_s, 2),

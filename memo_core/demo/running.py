@@ -2,7 +2,8 @@
 
 Four runs on one seed, each judged by its task's success check: the taught task without any memory; the same with a
 simulated teacher who sees it fail and says what was wrong; then another task, which was never corrected, without a
-teacher, once with an empty book and once with this book, read-only."""
+teacher, once with an empty book and once with this book, read-only. A suite may declare other runs (``Demo.runs``),
+before which rules are told and noted; nobody watches these."""
 
 from __future__ import annotations
 
@@ -14,7 +15,8 @@ import attrs
 
 from memo_core.config import Experiment
 from memo_core.demo.page import write_demo_report
-from memo_core.demo.result import CHAPTERS, Chapter, DemoReport
+from memo_core.demo.result import CHAPTERS, Chapter, DemoReport, chapters_of
+from memo_core.demo.telling import note_told
 from memo_core.errors import InvalidArgument
 from memo_core.events import Event
 from memo_core.interfaces.task import Task
@@ -44,16 +46,22 @@ def run_demo(
     if suite.demo is None:
         raise InvalidArgument("suite.backend", f"{suite.name!r} offers no demo", "a suite that declares one")
     demo, started = suite.demo, time.monotonic()
-    for name in (demo.taught, demo.transfer):
+    for name in dict.fromkeys((demo.taught, demo.transfer, *(run.task for run in demo.runs))):
         environment_of(experiment, task_of(experiment, name), experiment.seed)  # refuses what no run could begin with
     folder = new_run_folder(out, "demo", experiment.seed)
     lesson = f"sqlite:///{folder / 'skillbook.db'}"
     llm, runs = experiment.create("llm"), dict[str, RunReport]()
-    for part in CHAPTERS:
+    for number, part in enumerate(chapters_of(demo)):
         chapter(part.title)
-        name = demo.taught if part in CHAPTERS[:2] else demo.transfer
-        task = task_of(experiment, name)
-        book, teacher = _props(experiment, part, lesson, task)
+        if demo.runs:
+            name = demo.runs[number].task
+            note_told(experiment, llm, lesson, demo.runs[number].told, listener or _ignore)
+            book = book_of(experiment, lesson, read_only=True) if demo.runs[number].memory else None
+            task, teacher = task_of(experiment, name), None
+        else:
+            name = demo.taught if part in CHAPTERS[:2] else demo.transfer
+            task = task_of(experiment, name)
+            book, teacher = _props(experiment, part, lesson, task)
         components = components_of(
             experiment,
             lambda task=task: environment_of(experiment, task, experiment.seed),  # type: ignore[misc]
@@ -88,6 +96,10 @@ def _props(
         settings = SimulatedTeacherSettings(seed=experiment.seed, misjudges=0.0, knows=task.lesson)
         return book_of(experiment, lesson, read_only=False), SimulatedTeacher(settings)
     return book_of(experiment, EMPTY if part.name == "transfer_empty_book" else lesson, read_only=True), None
+
+
+def _ignore(event: Event) -> None:
+    """Ignore the event; nobody listens."""
 
 
 def _told(report: DemoReport) -> DemoReport:

@@ -52,6 +52,29 @@ class NoSettings:
 
 
 @attrs.frozen
+class Told:
+    """A remark in a demo about a ``task`` and ``subtask`` of the suite, whose scene it is recorded with."""
+
+    task: str
+    subtask: str
+    words: str
+    who: str = "resident"
+
+
+@attrs.frozen
+class DemoRun:
+    """One run of a demo that nobody watches: the ``task``, what is ``told`` before, and the success that the story
+    needs. Without ``memory`` it has no skillbook; otherwise the one with all that was told so far."""
+
+    name: str
+    title: str
+    task: str
+    expected: bool
+    told: tuple[Told, ...] = ()
+    memory: bool = True
+
+
+@attrs.frozen
 class Demo:
     """The tasks of a suite for ``memo demo``: one that is taught, and one that is never corrected and shows whether the
     lesson transfers. Both are names of the suite's tasks.
@@ -59,7 +82,8 @@ class Demo:
     ``recording``: a file in the suite's package, ``PACKAGE/path/in/it``, that holds a real model's answers in this demo
     on ``seed``, for ``memo demo --replay``; empty if there is none. ``settings``: overrides that the demo needs, as
     after ``--set``; the user's settings take precedence. ``replay_suite``: the suite whose recording ``memo demo
-    --replay`` plays unless one is named; empty: this one."""
+    --replay`` plays unless one is named; empty: this one. ``runs``: the runs of a demo in which rules are told, in
+    place of the four with a simulated teacher."""
 
     taught: str
     transfer: str
@@ -67,6 +91,7 @@ class Demo:
     seed: int = 0
     settings: tuple[str, ...] = ()
     replay_suite: str = ""
+    runs: tuple[DemoRun, ...] = ()
 
 
 @attrs.frozen

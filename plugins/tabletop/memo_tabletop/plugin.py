@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import attrs
 
-from memo_core.plugin import Backend, Demo, hookimpl
+from memo_core.plugin import Backend, Demo, DemoRun, Told, hookimpl
 
 
 @attrs.frozen
@@ -86,6 +86,42 @@ def house_rules(settings: TabletopSettings):
     return house_tasks()
 
 
+_SPOON_AND_CUP = "put-the-spoon-and-the-cup-away"
+_METAL = "No, no, not there. Spoon's metal, and metal things live in the red crate. All of them, every time."
+_PLASTIC = (
+    "That cup's in the wrong place. It's plastic. Anything plastic, you put it in the green crate, and don't make me "
+    "say it twice."
+)
+_PLASTIC_NOW = (
+    "Yes, I know, I told you green. Not any more. Plastic things go in the blue crate from now on, so forget the green "
+    "one for those."
+)
+_RULES_TOLD = (
+    DemoRun("untold", "Without any memory", "put-the-can-away", False, memory=False),
+    DemoRun(
+        "told",
+        "Told of a spoon where metal goes",
+        "put-the-can-away",
+        True,
+        (Told(_SPOON_AND_CUP, "PLACE(spoon, blue crate)", _METAL),),
+    ),
+    DemoRun(
+        "older_rule",
+        "Told of a cup where plastic went once",
+        "put-the-bottle-away",
+        False,
+        (Told(_SPOON_AND_CUP, "PLACE(cup, red crate)", _PLASTIC),),
+    ),
+    DemoRun(
+        "newer_rule",
+        "Told that plastic goes elsewhere now",
+        "put-the-bottle-away",
+        True,
+        (Told(_SPOON_AND_CUP, "PLACE(cup, green crate)", _PLASTIC_NOW),),
+    ),
+)
+
+
 @hookimpl
 def memo_task_suites():
     return [
@@ -130,5 +166,11 @@ def memo_task_suites():
             "crates, trays, shakers: what a house wants, which only its people can tell",
             house_rules,
             TabletopSettings,
+            demo=Demo(
+                taught="put-the-spoon-and-the-cup-away",
+                transfer="put-the-can-away",
+                settings=("run.repairs=1",),
+                runs=_RULES_TOLD,
+            ),
         ),
     ]
