@@ -188,7 +188,7 @@ def _export(operator: Operator) -> None:
     operator.go("operator")
     for with_ids in (False, True):
         if with_ids:
-            operator.page.get_by_label("with ids").click()
+            operator.page.get_by_text("with ids, and").click()
         with operator.page.expect_download() as download:
             operator.press("Export")
         files = zipfile.ZipFile(io.BytesIO(Path(download.value.path()).read_bytes()))
