@@ -55,6 +55,11 @@ while True:
         move_to([0.45, y, 0.3], top_orientation())
         follow_path([[0.45, y * (1 - i / 10), 0.3] for i in range(20)])
 """
+_TO_AND_FRO = """
+while True:
+    for y in [-0.2, 0.2]:
+        move_to([0.45, y, 0.3], top_orientation())
+"""
 _GRASPING = """
 while True:
     close_gripper()
@@ -205,7 +210,7 @@ class MovingModel(LanguageModel):
     def close(self) -> None: ...
 
     def answer(self, request: Request, on_text: Any = None, cancelled: Any = None) -> Answer:
-        return Answer("MOVE(red cube)" if request.phase == "plan" else f"```python\n{_MOVING}\n```")
+        return Answer("MOVE(red cube)" if request.phase == "plan" else f"```python\n{_TO_AND_FRO}\n```")
 
 
 class _Presser(Person):

@@ -197,13 +197,31 @@ def test_a_press_stops_the_link_and_asks_what_was_wrong(watched, pages):
 
 
 def test_stopped_is_said_only_when_the_link_rests(watched, pages):
-    watched.link.send(np.array(watched.link.joint_targets()) + 0.01)  # moving
+    pages.stop_pressed("1")
+    rests = threading.Event()
+
+    def brake():
+        while not rests.is_set():
+            watched.link.halt(np.array([watched.link.joint_targets() + 0.001]))
+            time.sleep(0.002)
+
+    braking = threading.Thread(target=brake, daemon=True)
+    braking.start()
+    watched.asked(lambda teacher: teacher.interrupted(EPISODE))
+    question(pages)
+    time.sleep(0.4)
+    assert "stopped" not in pages.said
+    rests.set()
+    braking.join()
+    _until(lambda: "stopped" in pages.said)
+
+
+def test_a_simulator_that_stands_still_with_a_velocity_left_has_stopped(watched, pages):
+    watched.link.send(watched.link.joint_targets() + 0.01)
+    assert np.abs(watched.link.joint_velocities()).max() > 0.5
     pages.stop_pressed("1")
     watched.asked(lambda teacher: teacher.interrupted(EPISODE))
     question(pages)
-    time.sleep(0.2)
-    assert "stopped" not in pages.said
-    watched.link.halt(np.array([watched.link.joint_targets()] * 2))
     _until(lambda: "stopped" in pages.said)
 
 
@@ -267,9 +285,20 @@ def test_an_old_approval_does_nothing(watched, pages):
     assert result(results).kind == "silent"
 
 
-def test_ending_ends_the_run(watched, pages):
+@pytest.mark.parametrize("ask", [lambda teacher: teacher.judge(EPISODE), lambda teacher: teacher.interrupted(EPISODE)])
+def test_ending_ends_the_run_also_while_a_question_is_open(watched, pages, ask):
+    results = watched.asked(ask)
+    question(pages)
     pages.handlers["end"]({})
     assert watched.ended.is_set()
+    assert isinstance(result(results), Stopped)
+
+
+def test_a_stop_that_no_page_pressed_leaves_an_open_question(watched, pages):
+    results = watched.asked(lambda teacher: teacher.judge(EPISODE))
+    question(pages)
+    watched.link.stop()
+    assert isinstance(result(results), Stopped)
 
 
 def test_a_server_that_cannot_be_started_again_ends_the_wait(watched, pages):
