@@ -57,7 +57,7 @@ class Pages:
 @pytest.fixture
 def pages(monkeypatch):
     pages = Pages()
-    monkeypatch.setattr(module, "pages_process", lambda settings: pages)
+    monkeypatch.setattr(module, "pages_process", lambda settings, for_study: pages)
     return pages
 
 

@@ -78,7 +78,7 @@ class WebTeacher(Teacher):
     def open(self) -> None:
         """Start the server if it does not run. Raises ``InvalidArgument``, ``BackendUnavailable``."""
         self.who = self.settings.who or login_name()
-        self._pages = pages = pages_process(self.settings)
+        self._pages = pages = pages_process(self.settings, for_study=self.study is not None)
         self._session = study_pages(self.settings, self.study) if self.study is not None else None
         self._undo = [pages.on("answer", self._take_answer), pages.on("remark", self._take_remark)]
         self._undo.append(pages.on("end", lambda message: self._end()))
