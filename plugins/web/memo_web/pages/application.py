@@ -24,7 +24,8 @@ PAGES = (
 )
 
 PREPARING = """<!doctype html><html lang="en"><head><meta charset="utf-8"><meta http-equiv="refresh" content="1">
-<title>MEMO</title></head><body style="font-family: sans-serif; margin: 3rem">The study is being prepared …</body></html>
+<title>MEMO</title></head>
+<body style="font-family: sans-serif; margin: 3rem">The study is being prepared …</body></html>
 """  # before it is known who is who, nobody is shown anything
 
 
