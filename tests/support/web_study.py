@@ -17,6 +17,7 @@ from typing import Any
 
 START_S = 180.0
 WAIT_MS = 120_000
+SETTLED_MS = 30_000  # in which an answer reaches the run, on a machine under load
 MEMO = (sys.executable, "-c", "from memo_core.cli.main import main; main()", "study")
 CONSENT = "Words go to the provider of the language model. You may withdraw at any time."
 FILE = """
@@ -231,16 +232,36 @@ class Participant(Visitor):
         return str(self.page.get_by_test_id("asked").inner_text(timeout=within_ms))
 
     def answer(self, choice: str = "", words: str = "") -> None:
-        """Answer the open question by a button, or in words, and wait until it is gone."""
-        title = self.asked()
+        """Answer the open question by a button, or in words, and wait until it is gone. A page that was just loading
+        itself anew lost the answer: it is given again, as a person would."""
+        self.asked()
+        before = self._number()
+        if not choice:
+            self.said.append(words)
+        while self._number() in (before, None) and not self.is_over():
+            if self._number() == before:
+                self._holds(lambda: self._send(choice, words))
+            self._holds(lambda: self._settled(before))
+
+    def _send(self, choice: str, words: str) -> bool:
         if words:
             self.page.get_by_test_id("words").fill(words)
-        if choice:
-            self.page.locator(f"[data-choice={choice}]").click()
-        else:
-            self.page.get_by_test_id("send").click()
-            self.said.append(words)
-        self.until(lambda: self.page.get_by_test_id("asked").all_inner_texts() != [title])
+        button = self.page.locator(f"[data-choice={choice}]") if choice else self.page.get_by_test_id("send")
+        button.click(timeout=SETTLED_MS)
+        return True
+
+    def _settled(self, before: str) -> bool:
+        """Wait a while for another question, or for none."""
+        look = "before => document.querySelector('[data-testid=question]')?.dataset.asked !== before"
+        self.page.wait_for_function(look, arg=before, timeout=SETTLED_MS)
+        return True
+
+    def _number(self) -> str | None:
+        """Number of the open question, "0" if there is none; None while the page is not there."""
+        found: list[str | None] = [None]
+        look = "() => document.querySelector('[data-testid=question]')?.dataset.asked ?? null"
+        self._holds(lambda: found.__setitem__(0, self.page.evaluate(look)) is None)
+        return found[0]
 
     def is_over(self) -> bool:
         """Whether the session is over, or the command has ended."""

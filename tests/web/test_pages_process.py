@@ -166,3 +166,20 @@ def test_with_tls_and_a_token(tmp_path, monkeypatch):
             httpx.get(pages.url.replace("https:", "http:"))
     finally:
         pages.close()
+
+
+def test_a_server_for_a_study_shows_nothing_before_it_knows_who_is_who():
+    pages = PagesProcess(WebSettings(port=0), for_study=True)
+    pages.start()
+    try:
+        for path in ("", "teach", "why", "picture/front", "operator"):
+            refused = httpx.get(f"{pages.url}{path}")
+            assert refused.status_code == 503 and "being prepared" in refused.text, path
+        known = {"folder": "", "keys": {}, "roles": {}, "phase": "waiting", "participant": "", "session_over": []}
+        pages.send("study", keep="study", study=known | {"owner": None, "token": ""})
+        deadline = time.monotonic() + WAIT_S
+        while (shown := httpx.get(f"{pages.url}why", timeout=WAIT_S)).status_code == 503:
+            assert time.monotonic() < deadline
+        assert "for the person who runs the study" in shown.text
+    finally:
+        pages.close()

@@ -57,7 +57,7 @@ class Pages:
 @pytest.fixture
 def pages(monkeypatch):
     pages = Pages()
-    monkeypatch.setattr(module, "pages_process", lambda settings: pages)
+    monkeypatch.setattr(module, "pages_process", lambda settings, for_study: pages)
     return pages
 
 
@@ -197,13 +197,31 @@ def test_a_press_stops_the_link_and_asks_what_was_wrong(watched, pages):
 
 
 def test_stopped_is_said_only_when_the_link_rests(watched, pages):
-    watched.link.send(np.array(watched.link.joint_targets()) + 0.01)  # moving
+    pages.stop_pressed("1")
+    rests = threading.Event()
+
+    def brake():
+        while not rests.is_set():
+            watched.link.halt(np.array([watched.link.joint_targets() + 0.001]))
+            time.sleep(0.002)
+
+    braking = threading.Thread(target=brake, daemon=True)
+    braking.start()
+    watched.asked(lambda teacher: teacher.interrupted(EPISODE))
+    question(pages)
+    time.sleep(0.4)
+    assert "stopped" not in pages.said
+    rests.set()
+    braking.join()
+    _until(lambda: "stopped" in pages.said)
+
+
+def test_a_simulator_that_stands_still_with_a_velocity_left_has_stopped(watched, pages):
+    watched.link.send(watched.link.joint_targets() + 0.01)
+    assert np.abs(watched.link.joint_velocities()).max() > 0.5
     pages.stop_pressed("1")
     watched.asked(lambda teacher: teacher.interrupted(EPISODE))
     question(pages)
-    time.sleep(0.2)
-    assert "stopped" not in pages.said
-    watched.link.halt(np.array([watched.link.joint_targets()] * 2))
     _until(lambda: "stopped" in pages.said)
 
 

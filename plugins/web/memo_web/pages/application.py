@@ -6,10 +6,13 @@ import importlib
 from typing import Any
 
 from fastapi import FastAPI, Request, Response
+from fastapi.responses import HTMLResponse
 from nicegui import app as nicegui_app, ui
+from starlette.middleware.base import RequestResponseEndpoint
 
 from memo_web.pages.guard import Allowed, Guard
 from memo_web.pages.run_view import RunView
+from memo_web.pages.study_state import study_of
 
 # Modules with a function ``add_pages(view)``, in the order of their links.
 PAGES = (
@@ -19,6 +22,11 @@ PAGES = (
     "memo_web.pages.why_pages",
     "memo_web.pages.operator",
 )
+
+PREPARING = """<!doctype html><html lang="en"><head><meta charset="utf-8"><meta http-equiv="refresh" content="1">
+<title>MEMO</title></head>
+<body style="font-family: sans-serif; margin: 3rem">The study is being prepared …</body></html>
+"""  # before it is known who is who, nobody is shown anything
 
 
 def application(view: RunView, allowed: Allowed) -> Any:
@@ -32,6 +40,13 @@ def application(view: RunView, allowed: Allowed) -> Any:
         An ASGI application.
     """
     app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
+
+    @app.middleware("http")
+    async def await_study(request: Request, go_on: RequestResponseEndpoint) -> Response:
+        own = request.method == "GET" and not request.url.path.startswith("/_nicegui")
+        if own and view.for_study and not study_of(view).held:
+            return HTMLResponse(PREPARING, status_code=503)
+        return await go_on(request)
 
     @app.post("/stop")
     async def stop(request: Request) -> dict[str, str]:

@@ -53,7 +53,7 @@ async def _serve(channel: Channel, stop_line: StopLine, listening: socket.socket
     port = listening.getsockname()[1]
     tls = bool(settings["certificate"])
     allowed = allowed_for(settings["address"], port, settings["names"], settings["proxy"], settings["token"], tls)
-    view = RunView(channel, stop_line, asyncio.get_running_loop())
+    view = RunView(channel, stop_line, asyncio.get_running_loop(), for_study=settings["for_study"])
     config = uvicorn.Config(
         application(view, allowed),
         log_level="warning",

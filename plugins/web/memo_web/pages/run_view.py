@@ -55,6 +55,7 @@ class RunView:
     ``pictures`` and ``beat``.
 
     Attributes:
+        for_study: whether nothing is shown before it is known who is who in a study.
         stage: shapes of robot and scene, names of bodies; None while no run goes on.
         drawn: the last stage there was, to which ``attempts`` belong.
         meshes: bytes of the meshes (STL) that ``stage`` names, by number.
@@ -68,6 +69,7 @@ class RunView:
     channel: Channel
     stop_line: StopLine
     loop: asyncio.AbstractEventLoop
+    for_study: bool = False
     version: int = 0
     stage: dict[str, Any] | None = None
     drawn: dict[str, Any] | None = None

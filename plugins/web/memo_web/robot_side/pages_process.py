@@ -39,18 +39,19 @@ Handler = Callable[[dict[str, Any]], None]
 class PagesProcess:
     """One web server. Use ``pages_process``: a process of MEMO has one."""
 
-    def __init__(self, settings: WebSettings) -> None:
+    def __init__(self, settings: WebSettings, for_study: bool = False) -> None:
         """Check the settings; nothing is started.
 
         Args:
             settings: address, port, token and TLS.
+            for_study: whether the server shows nothing before it knows who is who in a study.
 
         Raises:
             InvalidArgument: as ``WebSettings.checked_token``.
         """
         self.settings = settings
         self.url = ""
-        self._server = settings.server(settings.checked_token())
+        self._server = settings.server(settings.checked_token()) | {"for_study": for_study}
         self._kept: dict[str, tuple[str, bytes, dict[str, Any]]] = {}
         self._events: deque[dict[str, Any]] = deque(maxlen=_KEPT_EVENTS)
         self._handlers: dict[str, list[Handler]] = {}
@@ -307,11 +308,12 @@ class _Current:
 _current = _Current()
 
 
-def pages_process(settings: WebSettings) -> PagesProcess:
+def pages_process(settings: WebSettings, for_study: bool = False) -> PagesProcess:
     """The web server of this process of MEMO, started when it is first asked for.
 
     Args:
         settings: address, port, token and TLS of a server that is not started yet.
+        for_study: whether a server that is not started yet shows nothing before it knows who is who in a study.
 
     Returns:
         The server.
@@ -321,7 +323,7 @@ def pages_process(settings: WebSettings) -> PagesProcess:
         BackendUnavailable: if the server cannot be started.
     """
     if _current.pages is None or _current.pages.lost:
-        pages = PagesProcess(settings)
+        pages = PagesProcess(settings, for_study)
         pages.start()
         token = f"?token=…, the value of {settings.token_env}" if settings.checked_token() else ""
         print(f"memo: teach at {pages.url}{token}", file=sys.stderr, flush=True)

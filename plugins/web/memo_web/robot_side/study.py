@@ -356,7 +356,7 @@ def study_pages(settings: WebSettings, folder: Path) -> StudyPages:
         InvalidArgument: as ``pages_process`` and ``StudyPages``.
         BackendUnavailable: if the server cannot be started.
     """
-    pages = pages_process(settings)
+    pages = pages_process(settings, for_study=True)
     if _current.study is None or _current.study.pages is not pages or _current.study.folder != folder:
         if _current.study is not None:
             _current.study.close()

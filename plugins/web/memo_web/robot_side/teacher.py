@@ -38,7 +38,8 @@ from memo_web.robot_side.study import StudyPages, WebReception, study_pages
 from memo_web.settings import WebSettings
 
 _POLL_S = 0.02
-_AT_REST = 0.02  # rad/s or m/s
+_REST_S = 0.1  # in which no joint may move by more than ...
+_REST = 0.002  # rad or m, for the robot to be at rest
 _SILENCE = ("silent", "Say nothing")
 
 
@@ -48,6 +49,8 @@ class _Stop:
 
     held: bool = False
     confirmed: bool = False
+    joints: np.ndarray | None = None  # as first read, and then every ``_REST_S``
+    read: float = 0.0
 
 
 class WebTeacher(Teacher):
@@ -75,7 +78,7 @@ class WebTeacher(Teacher):
     def open(self) -> None:
         """Start the server if it does not run. Raises ``InvalidArgument``, ``BackendUnavailable``."""
         self.who = self.settings.who or login_name()
-        self._pages = pages = pages_process(self.settings)
+        self._pages = pages = pages_process(self.settings, for_study=self.study is not None)
         self._session = study_pages(self.settings, self.study) if self.study is not None else None
         self._undo = [pages.on("answer", self._take_answer), pages.on("remark", self._take_remark)]
         self._undo.append(pages.on("end", lambda message: self._end()))
@@ -160,16 +163,18 @@ class WebTeacher(Teacher):
             self._pages.send("notice", text="Nobody watched any more, so the robot was stopped.", keep="notice")
 
     def _confirm_stop(self) -> None:
-        """Say that the robot has stopped once its link says so: the stop is latched and no joint moves."""
-        stage = self._stage
-        if self._stop.confirmed or stage is None or not stage.link.stopped:
+        """Say that the robot has stopped once its link says so: the stop is latched and no joint moves. Positions are
+        compared: a simulator stands still after braking, with whatever velocity was left."""
+        stage, stop, now = self._stage, self._stop, time.monotonic()
+        if stop.confirmed or stage is None or not stage.link.stopped or now - stop.read < _REST_S:
             return
         try:
-            at_rest = float(np.abs(stage.link.joint_velocities()).max(initial=0.0)) < _AT_REST
+            joints = np.array(stage.link.joint_positions())
         except MemoError:
             return
-        if at_rest:
-            self._stop.confirmed = True
+        before, stop.joints, stop.read = stop.joints, joints, now
+        if before is not None and float(np.abs(joints - before).max(initial=0.0)) < _REST:
+            stop.confirmed = True
             self._pages.say_stop("stopped")
 
     def _end(self) -> None:
