@@ -40,7 +40,10 @@ WAIT_MS = 90_000
 WAIT_S = WAIT_MS / 1000
 TASK = "put-the-food-in-the-microwave"
 WORDS = "no, pull the handle in an arc"
-HOSTILE = "<img src=x onerror=\"window.hacked=1\"><script>window.hacked=1</script>{{constructor.constructor('window.hacked=1')()}}"
+HOSTILE = (
+    '<img src=x onerror="window.hacked=1"><script>window.hacked=1</script>'
+    "{{constructor.constructor('window.hacked=1')()}}"
+)
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +80,8 @@ def next_question(page, act):
     """Do something, and wait for the question that follows; its text."""
     before = asked(page)
     act()
-    new = "before => { const n = +document.querySelector('[data-testid=question]').dataset.asked; return n && n != before; }"
+    asked_now = "+document.querySelector('[data-testid=question]').dataset.asked"
+    new = f"before => {asked_now} && {asked_now} != before"
     page.wait_for_function(new, arg=before)
     return page.get_by_test_id("question").inner_text()
 
