@@ -78,6 +78,7 @@ def test_pages_closed_twice_a_killed_server_and_a_killed_command_lose_nothing(br
         assert participant.asked() == "OPEN(cupboard), attempt 2. Did it work?"
         _see_uses(operator, "not over yet")
         participant.answer("approve")
+        participant.asked()
         _see_uses(operator, "it worked")
         _cannot_forget_now(operator)
         participant.approve_the_rest()
