@@ -140,13 +140,8 @@ def verify(
         for task in report:
             for line in task["goal_unseen"]:
                 note(f"{task['name']}: the simulated teacher does not judge its goal: {line}")
-        understood = (
-            ""
-            if any(task["goal_unseen"] for task in report)
-            else "goals: the simulated teacher understands each sentence; "
-        )
-        used = experiment.choice("suite").backend.name
-        note(f"{understood}whether it sees them met: memo bench teacher --suite {used}")
+        if not any(task["goal_unseen"] for task in report):
+            note("goals: the simulated teacher understands each sentence")
     if not all(verification.holds(task) for task in report):
         raise typer.Exit(1)
 

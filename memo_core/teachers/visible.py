@@ -110,6 +110,8 @@ def movers(scene: SceneGraph, name: str) -> list[Node]:
     if node is None:
         return []
     closable = {r.subject for r in scene.relations if r.predicate in ("open", "closed")}
+    if node.id in closable:  # one of a cabinet's drawers, say
+        return [node]
     return [n for n in scene.nodes if n.id in closable and (n.id == node.id or n.part_of in (node.id, node.part_of))]
 
 

@@ -42,4 +42,3 @@ def test_verifying_says_whether_the_goal_can_be_seen(monkeypatch, capsys, blind_
         main(["tasks", "verify", "open-the-fridge", "--seeds", "0"])
     said = capsys.readouterr().err
     assert "open-the-fridge: the simulated teacher does not judge its goal: 'the fridge feels cold'" in said
-    assert "memo bench teacher --suite tabletop" in said

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import attrs
 import pytest
 
 from memo_core.interfaces.teacher import Episode, Proposal, Sighting, TaskEpisode
@@ -107,6 +108,16 @@ def test_a_forgotten_thing_is_named_and_a_finished_task_approved():
     said = teacher().judge_task(TaskEpisode("clean up", before, before, goal))
     assert said.kind == "correct" and "napkin" in said.words
     assert teacher().judge_task(TaskEpisode("clean up", before, done, goal)).kind == "approve"
+
+
+def test_one_drawer_of_several_is_judged_alone():
+    drawers = [attrs.evolve(DOOR, id=f"box/{name}", label=f"{name} drawer") for name in ("top", "middle")]
+    shut = graph([BOX, *drawers], [("box/top", "closed"), ("box/middle", "closed")])
+    opened = graph([BOX, *drawers], [("box/top", "closed"), ("box/middle", "open")])
+    goal = ("the middle drawer is open",)
+    assert teacher().judge_task(TaskEpisode("open it", shut, shut, goal)).kind == "correct"
+    assert teacher().judge_task(TaskEpisode("open it", shut, opened, goal)).kind == "approve"
+    assert teacher().judge_task(TaskEpisode("open it", shut, opened, ("the top drawer is open",))).kind == "correct"
 
 
 def test_a_finished_task_that_is_misjudged_is_not_called_the_it():
