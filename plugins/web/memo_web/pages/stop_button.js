@@ -56,6 +56,7 @@ export default {
         body: JSON.stringify({ press }),
         keepalive: true,
         priority: "high",
+        signal: AbortSignal.timeout(2000),
       })
         .then((answer) => (this.failed = !answer.ok))
         .catch(() => (this.failed = true));
