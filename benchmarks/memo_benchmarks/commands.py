@@ -242,7 +242,8 @@ def demo(
     if json:
         print_json(measured)
         return
-    names = [part.name for part in chapters_of(experiment.choice("suite").backend.demo)]
+    demo = experiment.choice("suite").backend.demo  # there is one: ``demos`` refuses a suite without
+    names = [part.name for part in chapters_of(demo)] if demo is not None else []
     outcomes = [(row["seed"], *(row[n] for n in names), row["told"], row["wall_s"]) for row in measured["stories"]]
     print_table(("seed", *names, "told", "seconds"), outcomes)
     for row in measured["stories"]:
