@@ -226,7 +226,8 @@ def demo(
     if json:
         print_json(measured)
         return
-    names = [part.name for part in chapters_of(experiment.choice("suite").backend.demo)]
+    demo = experiment.choice("suite").backend.demo
+    names = [part.name for part in chapters_of(demo)] if demo is not None else []
     outcomes = [(row["seed"], *(row[n] for n in names), row["told"], row["wall_s"]) for row in measured["stories"]]
     print_table(("seed", *names, "told", "seconds"), outcomes)
     for row in measured["stories"]:
