@@ -18,8 +18,8 @@ from memo_core.scene.scene_table import scene_table
 def note_told(
     experiment: Experiment, llm: LanguageModel, book: str, told: Sequence[Told], emit: Callable[[Event], None]
 ) -> None:
-    """Record what was told, each with the scene of its task, and have ``llm`` make notes of it in the ``book`` (URL),
-    which is made if there is none. ``emit`` receives the entries made and the problems. Raises ``MemoError``."""
+    """Record remarks, each with the scene of its task, and have ``llm`` make notes of them in the ``book`` (URL), which
+    is made if there is none. ``emit`` receives the entries made and the problems. Raises ``MemoError``."""
     stop = StopSwitch()
     with book_of(experiment, book, read_only=False) as opened:
         for remark in told:

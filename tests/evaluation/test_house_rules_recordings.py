@@ -21,7 +21,7 @@ pytestmark = [pytest.mark.sim, pytest.mark.slow, pytest.mark.timeout(1800)]
 
 ROOT = Path(__file__).parents[2]
 RECORDED = ROOT / "tests" / "data" / "recordings" / "house-rules"
-COMPARED = ("method", "task", "scene", "success", "reason", "programs", "lesson_needed", "lesson_served")
+COMPARED = ("method", "task", "scene", "success", "reason", "lesson_needed", "lesson_served")
 
 
 @pytest.fixture(scope="module")

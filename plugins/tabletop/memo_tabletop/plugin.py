@@ -169,6 +169,7 @@ def memo_task_suites():
             demo=Demo(
                 taught="put-the-spoon-and-the-cup-away",
                 transfer="put-the-can-away",
+                recording="memo_tabletop/recordings/house-rules.jsonl.gz",
                 settings=("run.repairs=1",),
                 runs=_RULES_TOLD,
             ),
