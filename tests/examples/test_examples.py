@@ -73,9 +73,9 @@ def test_the_notebook_runs_from_top_to_bottom():
 
 
 def test_each_script_is_run_by_a_test():
-    tested = Path(__file__).read_text(encoding="utf-8") + (
-        Path(__file__).parents[1] / "gym" / "test_gymnasium.py"
-    ).read_text(encoding="utf-8")
+    tests = Path(__file__).parents[1]
+    files = [Path(__file__), tests / "gym" / "test_gymnasium.py", tests / "plugins" / "test_third_simulator.py"]
+    tested = "".join(file.read_text(encoding="utf-8") for file in files)
     assert [path.stem for path in EXAMPLES.glob("*.py") if path.stem not in tested] == []
 
 
