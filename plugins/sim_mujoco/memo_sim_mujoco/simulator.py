@@ -38,7 +38,8 @@ from memo_sim_mujoco.rendering import REMEDY, Pictures, require_display
 from memo_sim_mujoco.settings import MujocoSettings
 
 _log = logging.getLogger("memo.mujoco")
-_FORMAT = b"MEMOMJ03"
+_FORMAT = b"MEMOMJ04"
+_FORMER = b"MEMOMJ03"  # identified by the model's bytes, whose last digits differ from one processor to another
 _GRIPPER = struct.Struct("<ddd")  # goal (m), ramp (m), force (N)
 _VIEWER_PERIOD = 1 / 30  # s of simulated time between two pictures in the window
 
@@ -386,8 +387,9 @@ class MujocoSimulator(Simulator):
         return seal(_FORMAT, self._world.fingerprint, gripper + state.tobytes() + memory)
 
     def restore(self, checkpoint: bytes) -> None:
-        mujoco, kept = self._mujoco, unseal(checkpoint, _FORMAT, self._world.fingerprint)
+        mujoco = self._mujoco
         size = mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_INTEGRATION)
+        kept = self._unsealed(checkpoint, _GRIPPER.size + 8 * size)
         goal, ramp, force = _GRIPPER.unpack_from(kept)
         state = np.frombuffer(kept, dtype=np.float64, offset=_GRIPPER.size, count=size)
         mujoco.mj_setState(self.model, self.data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
@@ -398,6 +400,17 @@ class MujocoSimulator(Simulator):
             self.mechanisms.recall(json.loads(kept[_GRIPPER.size + state.nbytes :]))
         self._warnings[:] = 0
         self._refresh()
+
+    def _unsealed(self, checkpoint: bytes, size: int) -> bytes:
+        """The state in a checkpoint; of one in the former format only the number of bytes can be compared."""
+        if not checkpoint.startswith(_FORMER):
+            return unseal(checkpoint, _FORMAT, self._world.fingerprint)
+        kept = unseal(checkpoint, _FORMER, checkpoint[len(_FORMER) :][:16])
+        if len(kept) < size or (len(kept) > size) != bool(self._moving_parts):
+            raise InvalidArgument(
+                "checkpoint", "it is of another scene, robot or simulator version", "one of this scene"
+            )
+        return kept
 
     def _refresh(self) -> None:
         """Recompute everything derived from the state."""

@@ -181,11 +181,17 @@ def _latched(model: Any, number: int, latch: Any, joint_qpos: dict[str, int]) ->
 
 
 def _fingerprint(model: Any, scene: SceneDescription) -> bytes:
-    """Identifies everything the physics depends on: checkpoints of another model or engine are not continued."""
-    buffer = np.empty(mujoco.mj_sizeModel(model), dtype=np.uint8)
-    mujoco.mj_saveModel(model, None, buffer)
-    rest = f"{mujoco.__version__} {scene.mechanisms}"
-    return hashlib.sha256(rest.encode() + buffer.tobytes()).digest()[:16]
+    """Identifies everything the physics depends on: checkpoints of another model or engine are not continued.
+
+    Numbers count to nine decimals, since the compiled model's last digits differ from one processor to another."""
+    digest = hashlib.sha256(f"{mujoco.__version__} {scene.mechanisms} {model.opt}".encode())
+    for name in dir(model):
+        values = getattr(model, name, None)
+        if isinstance(values, np.ndarray):
+            floats = np.issubdtype(values.dtype, np.floating)
+            digest.update(f"{name} {values.shape}".encode())
+            digest.update((np.round(values.astype(float), 9) + 0.0 if floats else values).tobytes())
+    return digest.digest()[:16]
 
 
 def _start(world: MujocoWorld, scene: SceneDescription) -> None:
