@@ -213,7 +213,7 @@ class MovingModel(LanguageModel):
         return Answer("MOVE(red cube)" if request.phase == "plan" else f"```python\n{_TO_AND_FRO}\n```")
 
 
-class _Presser(Person):
+class Presser(Person):
     """The person who presses stop, asked by the supervisor."""
 
     watches = True
@@ -347,7 +347,7 @@ def _measure(experiment: Experiment, phase: str, signals: int) -> PhaseStop:
                     log=log,
                     emit=lambda event: button.begun() if phase == "computing" and _is_look(event) else None,
                     book=_SlowBook(book, phase, button),  # type: ignore[arg-type]
-                    person=_Presser(supervisor),
+                    person=Presser(supervisor),
                 )
                 button.arm()
                 try:

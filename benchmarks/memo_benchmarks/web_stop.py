@@ -17,15 +17,14 @@ from typing import Any
 
 import numpy as np
 
-from memo_benchmarks.stop import MovingModel, StopTask, WatchedLink
+from memo_benchmarks.stop import MovingModel, Presser, StopTask, WatchedLink
 from memo_core.config import Experiment
 from memo_core.environment.simulated import SimulatedEnvironment
 from memo_core.errors import BackendUnavailable, Stopped
-from memo_core.interfaces.teacher import Episode, Stage, Teacher, Verdict
+from memo_core.interfaces.teacher import Stage, Teacher
 from memo_core.plugins.registry import Registry
 from memo_core.policy.loop import Loop
 from memo_core.policy.methods import METHODS
-from memo_core.policy.person import Person
 from memo_core.policy.run_context import Session
 from memo_core.policy.settings import RunSettings
 from memo_core.process.stop_switch import StopSwitch
@@ -61,21 +60,6 @@ def bench_web_stop(
         return _Measuring(experiment, registry, teacher, browser, presses, progress).measure()
     finally:
         teacher.close()
-
-
-class _Presser(Person):
-    """The person at the page."""
-
-    watches = True
-
-    def __init__(self, supervisor: Supervisor) -> None:
-        self._supervisor = supervisor
-
-    def judge(self, episode: Episode, interrupted: bool) -> Verdict:
-        return self._supervisor.ask(episode, interrupted)
-
-    def has_ended(self) -> bool:
-        return self._supervisor.ending
 
 
 class _Measuring:
@@ -144,7 +128,7 @@ class _Measuring:
                     log=log,
                     emit=self._registry.emit,
                     book=book,
-                    person=_Presser(self._supervisor),
+                    person=Presser(self._supervisor),
                 )
                 try:
                     Loop(session, METHODS["memo"]).run()
