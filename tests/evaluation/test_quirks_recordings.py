@@ -18,6 +18,7 @@ pytestmark = pytest.mark.sim
 ROOT = Path(__file__).parents[2]
 RECORDED = ROOT / "tests" / "data" / "recordings" / "quirks"
 COMPARED = ("given", "task", "success", "first_programs", "programs", "lesson_needed", "lesson_served")
+NEAR_SLIPPING = {("lessons", "turn-on-the-heater"): {2, 3}}  # whether program 2 slips depends on the processor's rounding
 
 
 @pytest.mark.slow
@@ -28,4 +29,9 @@ def test_the_comparison_plays_back_as_it_was(tmp_path):
     load = loader(Registry(), ROOT / "examples" / "quirks.yaml", ALL_SECTIONS, given)
     rows = evaluate(load, tmp_path, StopSwitch()).rows
     expected = json.loads((RECORDED / "rows.json").read_text())
-    assert [{name: row[name] for name in COMPARED} for row in rows] == expected
+    compared = [{name: row[name] for name in COMPARED} for row in rows]
+    for row, before in zip(compared, expected, strict=True):
+        possible = NEAR_SLIPPING.get((row["given"], row["task"]), {before["programs"]})
+        assert row["programs"] in possible, row
+        row["programs"] = before["programs"]
+    assert compared == expected
