@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from memo_benchmarks.functions import SETTINGS, TAUGHT, THINGS, FunctionBench, measure, table
+from memo_benchmarks.functions import BOOKS, SETTINGS, TAUGHT, THINGS, FunctionBench, measure, table
 from memo_benchmarks.kept_rows import Row
 from memo_benchmarks.reporting import with_progress
 from memo_core.cli.options import load, load_registry
@@ -27,7 +27,7 @@ def functions_table(
     results: Path | None,
     json: bool,
 ) -> None:
-    """Do what is not in ``out`` yet, print the table, and write it to ``results``. Raises ``MemoError``."""
+    """Do what is not in ``out`` yet, print the table, and write its whole books to ``results``. Raises ``MemoError``."""
     wanted = read_seeds(seeds)
     names = list(dict.fromkeys(simulators)) or list(load_registry().names("simulator"))
     tried = list(dict.fromkeys(things)) or list(THINGS)
@@ -38,7 +38,7 @@ def functions_table(
         file = {
             "command": f"memo bench functions --seeds {seeds}",
             "note": _note(measured["rows"], names),
-            "rows": lines,
+            "rows": [line for line in lines if line["book"] in BOOKS.values()],
         }
         write_whole(results, json_text(file))
     if json:
