@@ -27,7 +27,7 @@ def functions_table(
     results: Path | None,
     json: bool,
 ) -> None:
-    """Do what is not in ``out`` yet, print the table, and write its whole books to ``results``. Raises ``MemoError``."""
+    """Do what is not in ``out`` yet, print the table, write undamaged books to ``results``. Raises ``MemoError``."""
     wanted = read_seeds(seeds)
     names = list(dict.fromkeys(simulators)) or list(load_registry().names("simulator"))
     tried = list(dict.fromkeys(things)) or list(THINGS)
