@@ -11,7 +11,7 @@ EXTRAS_franka := $(if $(filter Linux-x86_64,$(shell uname -s)-$(shell uname -m))
 STAMP := $(VENV)/.set-up
 # A part of the whole set-up, for whoever only wants to see the demo.
 DEMO_STAMP := $(VENV)/.set-up-demo
-DEMO_PLUGINS := $(addprefix plugins/,embedder franka llm offline perception sim_mujoco tabletop vectorstore)
+DEMO_PLUGINS := $(addprefix plugins/,embedder franka llm offline perception sim_mujoco tabletop vectorstore web)
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 REQUIREMENTS := Makefile pyproject.toml constraints.txt benchmarks/pyproject.toml $(addsuffix /pyproject.toml,$(PLUGINS))
 

@@ -9,6 +9,7 @@ correct anything.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from pathlib import Path
@@ -22,7 +23,7 @@ from memo_core.interfaces.reception import Reception
 from memo_core.interfaces.simulator import Simulator
 from memo_core.robot.description import RobotDescription
 from memo_core.scene.description import SceneDescription
-from memo_core.scene.graph import SceneGraph
+from memo_core.scene.graph import Node, SceneGraph
 
 
 @attrs.frozen
@@ -46,6 +47,17 @@ class Episode:
     spoken_error: str = ""  # what the robot said aloud went wrong, if anything ("I cannot reach that")
     goal: tuple[str, ...] = ()  # what should be visible when the whole task is done (``Task.goal``)
     recordings: tuple[str, ...] = ()  # paths of this attempt's picture and video, for a person to look at
+
+    @property
+    def moved(self) -> list[Node]:
+        """Objects that are more than 1 cm or 0.05 rad from where they were, or gone; with their poses before."""
+        now = {node.id: node for node in self.after.nodes}
+        moved = []
+        for node in self.before.nodes:
+            metres, radians = node.pose.distance(now[node.id].pose) if node.id in now else (math.inf, 0.0)
+            if metres > 0.01 or radians > 0.05:
+                moved.append(node)
+        return moved
 
 
 @attrs.frozen(eq=False)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import getpass
-import math
 import re
 import sys
 from collections.abc import Sequence
@@ -81,7 +80,7 @@ class TerminalTeacher(Teacher):
     def _asked_about(self, question: str, episode: Episode) -> Verdict:
         if episode.spoken_error:
             _say(f"The robot says: {episode.spoken_error}")
-        moved = ", ".join(node.label for node in _moved(episode)) or "nothing"
+        moved = ", ".join(node.label for node in episode.moved) or "nothing"
         about = [f"The task: {episode.task}. The robot tried {episode.subtask}; what moved: {moved}."]
         return self._verdict(
             question, "y = it worked, s = say nothing, ? = help, or say what was wrong", about, episode.recordings
@@ -229,9 +228,9 @@ class TerminalTeacher(Teacher):
                 return Verdict("correct", words)
 
     def put_back(self, episode: Episode) -> bool:
-        moved = _moved(episode)
+        moved = episode.moved
         names = ", ".join(node.label for node in moved) or "everything"
-        stood = [f"  {node.label} stood at {_place(node)}" for node in moved]
+        stood = [f"  {node.label} stood at {place_in_words(node)}" for node in moved]
         seen = [f"  see {recording}" for recording in episode.recordings]
         asked = f"The robot cannot undo what it did. Please put back as it was before {episode.subtask}: {names}."
         return self._yes_or_no((asked, *stood, *seen), "y = done, n = cannot")
@@ -285,24 +284,19 @@ def _say(*lines: str) -> None:
     print(*lines, sep="\n", file=sys.stderr, flush=True)
 
 
-def _place(node: Node) -> str:
+def place_in_words(node: Node) -> str:
+    """Describe where a node is, as a person beside the robot would measure it.
+
+    Args:
+        node: the node; its position is in metres, in the frame of the robot's base.
+    """
     x, y, z = node.pose.position
     side = f"{abs(100 * y):.0f} cm to the {'left' if y > 0 else 'right'}"
     return f"{100 * x:.0f} cm ahead of the robot's base, {side}, {100 * z:.0f} cm up"
 
 
-def _moved(episode: Episode) -> list[Node]:
-    """Objects that have moved, with their previous poses."""
-    now = {node.id: node for node in episode.after.nodes}
-    moved = []
-    for node in episode.before.nodes:
-        metres, radians = node.pose.distance(now[node.id].pose) if node.id in now else (math.inf, 0.0)
-        if metres > 0.01 or radians > 0.05:
-            moved.append(node)
-    return moved
-
-
 def login_name() -> str:
+    """The name under which the user is logged in, or the default of teachers where there is none."""
     try:
         return getpass.getuser()
     except (OSError, KeyError, ImportError):  # a container's user may have no name

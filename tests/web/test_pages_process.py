@@ -42,6 +42,15 @@ def test_a_page_comes_from_this_server_alone(pages):
         assert "src=" not in line or "http" not in line.split("src=")[1], line
 
 
+def test_the_server_leaves_nothing_behind(tmp_path, monkeypatch):
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    pages = PagesProcess(WebSettings(port=0))
+    pages.start()
+    httpx.get(f"{pages.url}teach")
+    pages.close()
+    assert not list(tmp_path.iterdir())
+
+
 def test_the_stop_arrives(pages):
     presses: queue.Queue[str] = queue.Queue()
     pages.stop_pressed = presses.put

@@ -167,6 +167,7 @@ NOTED = Noted("in an arc", "OPEN(microwave)", (Note("Lead it in an arc."), Note(
         ({"choice": "strike", "struck": [1]}, ReadBack("struck", struck=(1,))),
         ({"choice": "strike", "struck": [0, 1, 7, "x", -1]}, ReadBack("struck", struck=(0, 1))),
         ({"choice": "", "words": "only slower"}, ReadBack("reworded", "only slower")),
+        ({"choice": "", "words": "Yes, that's right, thanks!"}, ReadBack("accepted")),
     ],
 )
 def test_notes_are_accepted_struck_or_reworded(watched, pages, answer, reaction):
@@ -174,6 +175,23 @@ def test_notes_are_accepted_struck_or_reworded(watched, pages, answer, reaction)
     asked = question(pages)
     assert [note["text"] for note in asked["notes"]] == ["Lead it in an arc.", "Go slowly."]
     pages.answer(asked, **answer)
+    assert result(results) == reaction
+
+
+def test_praise_of_the_notes_that_says_more_is_asked_back(watched, pages):
+    results = watched.asked(lambda teacher: teacher.read_back(NOTED))
+    pages.answer(question(pages), choice="", words="good, but slower")
+    pages.answer(question(pages), choice="correct")
+    assert result(results) == ReadBack("reworded", "good, but slower")
+
+
+@pytest.mark.parametrize(
+    ("words", "reaction"), [("yes", ReadBack("reworded", "yes")), ("nothing", ReadBack("accepted"))]
+)
+def test_a_short_answer_where_nothing_was_noted(watched, pages, words, reaction):
+    noted = Noted("not so", "OPEN(microwave)", (), question="Shall I go slower?")
+    results = watched.asked(lambda teacher: teacher.read_back(noted))
+    pages.answer(question(pages), choice="", words=words)
     assert result(results) == reaction
 
 
@@ -340,6 +358,15 @@ def test_a_program_is_released_or_not(pages, robot, answer, kind):
     assert asked["code"] == "look()"
     pages.answer(asked, **answer)
     assert result(results).kind == kind
+
+
+@pytest.mark.parametrize("words", ["yes", "👍", "no"])
+def test_a_typed_yes_or_no_releases_no_program_and_corrects_none(pages, robot, words):
+    watched = Watched(pages, robot, real=True, starts_motion=True)
+    results = watched.asked(lambda teacher: teacher.permit(Program("heat it", "OPEN(microwave)", 1, "look()")))
+    pages.answer(question(pages), choice="", words=words)
+    pages.answer(question(pages), choice="silent")
+    assert result(results).kind == "silent"
 
 
 def _until(true):

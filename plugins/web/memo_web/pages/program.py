@@ -10,6 +10,7 @@ import os
 import socket
 import sys
 import tempfile
+from pathlib import Path
 from typing import Any
 
 from memo_core.plugin import end_with_input
@@ -20,7 +21,7 @@ def main() -> None:
     """Run as a program."""
     messages, stop = (socket.socket(fileno=int(argument)) for argument in sys.argv[1:3])
     end_with_input()
-    os.environ["NICEGUI_STORAGE_PATH"] = tempfile.mkdtemp(prefix="memo-web-")  # nothing is stored in it
+    os.environ["NICEGUI_STORAGE_PATH"] = str(Path(tempfile.gettempdir(), "memo-web"))  # made only where NiceGUI stores
     channel = Channel(messages)
     settings, _ = channel.receive()
     settings.pop("kind")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 import queue
 import threading
 import time
@@ -18,6 +17,7 @@ from memo_core.plugin import (
     Arrangement,
     BackendLost,
     Episode,
+    Meaning,
     MemoError,
     Noted,
     Program,
@@ -31,6 +31,7 @@ from memo_core.plugin import (
     Verdict,
     login_name,
     meaning_of,
+    place_in_words,
 )
 from memo_web.robot_side.live import Live
 from memo_web.robot_side.pages_process import pages_process
@@ -269,23 +270,25 @@ class WebTeacher(Teacher):
         said = _words(answer)
         if answer.get("choice") in ("approve", "silent") and not said:
             return Verdict(answer["choice"])
-        meaning = meaning_of(said) if answer.get("choice") != "correct" else "correct"
+        meaning = meaning_of(said)
         if meaning == "unsure" or (meaning == "approve" and answer.get("choice") == "silent"):
-            back = (("approve", yes), ("correct", "No, that is what is wrong"))
-            choice = self._ask("unsure", f"You wrote: {said}", back, ("Which do you mean?",), "", after_a_stop)[
-                "choice"
-            ]
-            meaning = "approve" if choice == "approve" else "correct"
+            meaning = self._asked_back(said, yes, "No, that is what is wrong", after_a_stop)
         if meaning in ("approve", "silent"):
             return Verdict(meaning)
         if meaning in ("empty", "explain"):
             return self._verdict(about, title, yes, lines, words, after_a_stop, **more)
         return Verdict("correct", said, bool(answer.get("about_plan")))
 
+    def _asked_back(self, said: str, yes: str, no: str, after_a_stop: bool = False) -> Meaning:
+        """Ask whether words approve or correct."""
+        choices, lines = (("approve", yes), ("correct", no)), ("Which do you mean?",)
+        choice = self._ask("unsure", f"You wrote: {said}", choices, lines, "", after_a_stop)["choice"]
+        return "approve" if choice == "approve" else "correct"
+
     def judge(self, episode: Episode) -> Verdict:
         title = f"{episode.subtask}, attempt {episode.attempt}. Did it work?"
         lines = [f"The robot says: {episode.spoken_error}"] if episode.spoken_error else []
-        moved = ", ".join(node.label for node in _moved(episode)) or "nothing"
+        moved = ", ".join(node.label for node in episode.moved) or "nothing"
         return self._verdict(
             "attempt", title, "It worked", [*lines, f"What moved: {moved}."], "What was wrong?", plan_choice=True
         )
@@ -341,18 +344,26 @@ class WebTeacher(Teacher):
             answer = self._ask(
                 "notes", title, (("accept", "Never mind"),), (f"You said: {noted.words}", asked), "In other words"
             )
-        else:
-            notes = [{"key": note.key or "everywhere", "text": note.text} for note in noted.notes]
-            choices = (("accept", "Right, keep them"), ("strike", "Strike what I marked"))
-            lines = (f"You said: {noted.words}",)
-            answer = self._ask("notes", "I noted:", choices, lines, "Say it in other words", notes=notes)
+            words = _words(answer)
+            never_mind = answer.get("choice") == "accept" or meaning_of(words) in ("silent", "empty")
+            return ReadBack("accepted") if never_mind else ReadBack("reworded", words)
+        notes = [{"key": note.key or "everywhere", "text": note.text} for note in noted.notes]
+        right = "Right, keep them"
+        choices = (("accept", right), ("strike", "Strike what I marked"))
+        lines = (f"You said: {noted.words}",)
+        answer = self._ask("notes", "I noted:", choices, lines, "Say it in other words", notes=notes)
         words = _words(answer)
         if answer.get("choice") == "strike":
             struck = {one for one in answer.get("struck", []) if isinstance(one, int) and 0 <= one < len(noted.notes)}
             return ReadBack("struck", struck=tuple(sorted(struck))) if struck else self.read_back(noted)
-        if answer.get("choice") != "accept" and words:
-            return ReadBack("reworded", words)
-        return ReadBack("accepted")
+        if answer.get("choice") == "accept":
+            return ReadBack("accepted")
+        meaning = meaning_of(words)
+        if meaning == "unsure":
+            meaning = self._asked_back(words, right, "No, that is what I meant instead")
+        if meaning == "explain":
+            return self.read_back(noted)
+        return ReadBack("reworded", words) if meaning == "correct" else ReadBack("accepted")
 
     # -- hardware ------------------------------------------------------------------------------------------------------
     @property
@@ -368,13 +379,13 @@ class WebTeacher(Teacher):
             words = _words(answer)
             if answer.get("choice") in ("approve", "silent"):
                 return Verdict(answer["choice"])
-            if words:
+            if len(words.split()) > 1 and meaning_of(words) == "correct":
                 return Verdict("correct", words)
 
     def put_back(self, episode: Episode) -> bool:
-        moved = _moved(episode)
+        moved = episode.moved
         names = ", ".join(node.label for node in moved) or "everything"
-        stood = [f"{node.label} stood at {_place(node)}" for node in moved]
+        stood = [f"{node.label} stood at {place_in_words(node)}" for node in moved]
         title = f"Please put back as it was before {episode.subtask}: {names}."
         choices = (("yes", "It is done"), ("no", "I cannot"))
         lines = ("The robot cannot undo what it did.", *stood)
@@ -398,20 +409,3 @@ class WebTeacher(Teacher):
 def _words(message: dict[str, Any]) -> str:
     words = message.get("words", "")
     return words.strip()[: 4 * LONGEST_WORDS] if isinstance(words, str) else ""
-
-
-def _place(node: Any) -> str:
-    x, y, z = node.pose.position
-    side = f"{abs(100 * y):.0f} cm to the {'left' if y > 0 else 'right'}"
-    return f"{100 * x:.0f} cm ahead of the robot's base, {side}, {100 * z:.0f} cm up"
-
-
-def _moved(episode: Episode) -> list[Any]:
-    """Objects that have moved, with their poses before."""
-    now = {node.id: node for node in episode.after.nodes}
-    moved = []
-    for node in episode.before.nodes:
-        metres, radians = node.pose.distance(now[node.id].pose) if node.id in now else (math.inf, 0.0)
-        if metres > 0.01 or radians > 0.05:
-            moved.append(node)
-    return moved
