@@ -16,7 +16,7 @@ MEMO itself is under Apache-2.0. It imports the distributions below (`constraint
 redistributes an environment with them must allow them to be replaced. The table shows further licences with conditions
 (MPL, LGPL, GPL).
 
-| distribution | licence |
+| licence | distributions |
 |---|---|
 """
 
@@ -40,7 +40,12 @@ def licence(name: str) -> str:
 
 
 def page() -> str:
-    return HEAD + "".join(f"| {name} | {licence(name)} |\n" for name in pinned())
+    """The page: a row for each licence as it is worded, the most frequent first."""
+    named: dict[str, list[str]] = {}
+    for name in pinned():
+        named.setdefault(licence(name), []).append(name)
+    rows = sorted(named.items(), key=lambda row: (-len(row[1]), row[0]))
+    return HEAD + "".join(f"| {worded} | {', '.join(names)} |\n" for worded, names in rows)
 
 
 if __name__ == "__main__":
