@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -167,6 +168,14 @@ def test_output_that_cannot_be_written_is_said_in_one_line(arguments):
 def test_json_is_one_document_and_nothing_else(arguments, capsys):
     run(*arguments, "--json")
     assert isinstance(json.loads(capsys.readouterr().out), dict)
+
+
+def test_a_list_of_tasks_says_by_which_commands_the_model_was_measured_and_prints_no_date(capsys):
+    assert run("tasks", "list", "--set", "llm.backend=offline") == 0
+    captured = capsys.readouterr()
+    assert "untaught: memo run --task TASK --seed 0 --teacher silent" in captured.err
+    assert "taught: memo run --task TASK --seed 0 --teacher simulated" in captured.err
+    assert not re.search(r"\d{4}-\d{2}-\d{2}", captured.out + captured.err)
 
 
 @pytest.mark.parametrize(
