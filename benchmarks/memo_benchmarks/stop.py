@@ -22,7 +22,8 @@ import numpy as np
 from memo_benchmarks.sim import bench_scene
 from memo_core.config import Experiment
 from memo_core.environment.simulated import SimulatedEnvironment
-from memo_core.errors import InvalidArgument, Stopped
+from memo_core.errors import InvalidArgument, MemoError, Stopped
+from memo_core.events import CodeEnded, Event
 from memo_core.interfaces.link import Link
 from memo_core.interfaces.llm import Answer, LanguageModel, Request
 from memo_core.interfaces.simulator import Simulator, WorldState
@@ -48,14 +49,15 @@ PROMISED_PROMPT_MS = 100.0
 _SLOW_S = 0.6  # of a phase that waits for something else
 _LATEST_S = 0.35  # after its beginning at which a phase is interrupted
 
+# The phase lasts as long as somebody measures: the arm must arrive in a posture from which it can follow the path.
 _MOVING = """
-up = [0.45, 0.0, 0.35]
 while True:
     for y in [-0.2, 0.2]:
-        move_to([0.45, y, 0.3], top_orientation())
-        follow_path([[0.45, y * (1 - i / 10), 0.3] for i in range(20)])
+        path = [[0.45, y * (1 - i / 10), 0.3] for i in range(20)]
+        move_to([0.45, y, 0.3], top_orientation(), then=path)
+        follow_path(path)
 """
-_TO_AND_FRO = """
+TO_AND_FRO = """
 while True:
     for y in [-0.2, 0.2]:
         move_to([0.45, y, 0.3], top_orientation())
@@ -71,8 +73,15 @@ total = 0
 while True:
     total = total + 1
 """
-_CODE = {"moving": _MOVING, "grasping": _GRASPING, "computing": _COMPUTING}
+PROGRAMS = {"moving": _MOVING, "grasping": _GRASPING, "computing": _COMPUTING}
 _NOTHING = "get_objects()\n"
+
+
+class ProgramEnded(MemoError):
+    """The program of a phase ended before anybody stopped it: what follows would be measured of an arm at rest."""
+
+    def __init__(self, phase: str, error: str) -> None:
+        super().__init__(f"bench stop: the program of {phase} ended by itself: {error or 'it came to its end'}")
 
 
 @attrs.frozen
@@ -124,7 +133,8 @@ def bench_stop(
     progress: Callable[[float], None] | None = None,
 ) -> StopBench:
     """Measure with the experiment's simulator, robot, perception and sandbox. Call it in the main thread, which owns
-    the signals. Raises ``InvalidArgument`` elsewhere, or for a phase that is none."""
+    the signals. Raises ``InvalidArgument`` elsewhere, or for a phase that is none, ``ProgramEnded`` for a phase whose
+    program ends by itself."""
     if threading.current_thread() is not threading.main_thread():
         raise InvalidArgument("bench stop", "signals are the main thread's", "a call from the main thread")
     unknown = [phase for phase in phases if phase not in PHASES]
@@ -197,7 +207,7 @@ class _Model(LanguageModel):
             time.sleep(_SLOW_S)
         if request.phase == "plan":
             return Answer("MOVE(red cube)")
-        return Answer(f"```python\n{_CODE.get(self._phase, _NOTHING)}\n```")
+        return Answer(f"```python\n{PROGRAMS.get(self._phase, _NOTHING)}\n```")
 
 
 class MovingModel(LanguageModel):
@@ -210,7 +220,7 @@ class MovingModel(LanguageModel):
     def close(self) -> None: ...
 
     def answer(self, request: Request, on_text: Any = None, cancelled: Any = None) -> Answer:
-        return Answer("MOVE(red cube)" if request.phase == "plan" else f"```python\n{_TO_AND_FRO}\n```")
+        return Answer("MOVE(red cube)" if request.phase == "plan" else f"```python\n{TO_AND_FRO}\n```")
 
 
 class Presser(Person):
@@ -318,6 +328,14 @@ def _measure(experiment: Experiment, phase: str, signals: int) -> PhaseStop:
             button.arm()
 
     person.answered = answered
+    ended: list[str] = []
+
+    def noted(event: Event) -> None:
+        if phase == "computing" and _is_look(event):
+            button.begun()
+        if phase in PROGRAMS and isinstance(event, CodeEnded) and not event.stopped:
+            ended.append(event.error)
+            supervisor.end()
 
     def work() -> None:
         world = SimulatedEnvironment(
@@ -345,7 +363,7 @@ def _measure(experiment: Experiment, phase: str, signals: int) -> PhaseStop:
                     settings=settings,
                     stop=stop,
                     log=log,
-                    emit=lambda event: button.begun() if phase == "computing" and _is_look(event) else None,
+                    emit=noted,
                     book=_SlowBook(book, phase, button),  # type: ignore[arg-type]
                     person=Presser(supervisor),
                 )
@@ -358,6 +376,8 @@ def _measure(experiment: Experiment, phase: str, signals: int) -> PhaseStop:
                     log.close()
 
     supervisor.run(work)
+    if ended:
+        raise ProgramEnded(phase, ended[0])
     return PhaseStop(
         phase,
         len(prompts),

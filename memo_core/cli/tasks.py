@@ -42,7 +42,9 @@ def list_tasks(suite: Suite = None, config: ConfigFile = None, overrides: Overri
     reach = () if measured is None else (f"llm {model.name}",)
     print_table(("task", "type", "split", "instruction", *reach), rows)
     if measured is not None:
-        note(f"untaught, taught, no: what llm {model.name!r} did when it was measured ({measured.date})")
+        note(f"untaught, taught, no: what llm {model.name!r} did when it was measured, by")
+        for done, command in measured.commands.items():
+            note(f"  {done}: {command}")
 
 
 @app.command()

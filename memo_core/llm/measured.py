@@ -1,6 +1,6 @@
 """Measured results of a language backend per task: done untaught, done only when taught, or not done. A backend with
 known limits declares a YAML file (``Backend.measured``, ``PACKAGE/path/in/it``): ``tasks`` maps a task's name to
-``untaught``, ``taught`` or ``no``; ``commands`` and ``date`` say how that was measured.
+``untaught``, ``taught`` or ``no``; ``commands`` says by which command each of the first two was measured.
 """
 
 from __future__ import annotations
@@ -23,15 +23,14 @@ class Measured:
 
     tasks: dict[str, Reach]
     commands: dict[str, str]
-    date: str
 
     def warning(self, backend: str, task: str) -> str:
         """A warning for a task that the backend cannot do; "" if it can, or was never measured."""
         reach = self.tasks.get(task)
         if reach == "no":
-            return f"llm {backend!r} was not able to do {task!r} when it was measured ({self.date}), taught or untaught"
+            return f"llm {backend!r} was not able to do {task!r} when it was measured, taught or untaught"
         if reach == "taught":
-            return f"llm {backend!r} did {task!r} only after it was corrected ({self.date}): somebody should watch"
+            return f"llm {backend!r} did {task!r} only after it was corrected: somebody should watch"
         return ""
 
 
@@ -43,9 +42,9 @@ def measured_of(backend: Backend) -> Measured | None:
     package, _, name = backend.measured.partition("/")
     data = yaml.safe_load(resources.files(package).joinpath(name).read_text("utf-8"))
     try:
-        measured = Measured(dict(data["tasks"]), dict(data["commands"]), str(data["date"]))
+        measured = Measured(dict(data["tasks"]), dict(data["commands"]))
     except (KeyError, TypeError, ValueError) as error:
-        raise InvalidArgument(backend.measured, f"cannot be read ({error!r})", "tasks, commands and date") from None
+        raise InvalidArgument(backend.measured, f"cannot be read ({error!r})", "tasks and commands") from None
     wrong = {task: reach for task, reach in measured.tasks.items() if reach not in get_args(Reach)}
     if wrong:
         task, reach = next(iter(wrong.items()))

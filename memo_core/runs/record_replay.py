@@ -42,7 +42,9 @@ def shipped(experiment: Experiment) -> tuple[Path, int]:
     suite = experiment.choice("suite").backend
     package, _, name = (suite.demo.recording if suite.demo else "").partition("/")
     if suite.demo is None or not package:
-        raise InvalidArgument("--replay", f"the suite {suite.name!r} ships no recording", "memo demo without --replay")
+        other = f"--set suite.backend={suite.demo.replay_suite}, or " if suite.demo and suite.demo.replay_suite else ""
+        remedy = f"{other}memo demo without --replay"
+        raise InvalidArgument("--replay", f"the suite {suite.name!r} ships no recording", remedy)
     file = Path(str(resources.files(package).joinpath(name)))
     if not file.exists():
         raise InvalidArgument(

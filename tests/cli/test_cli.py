@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -16,6 +17,7 @@ from memo_core.cli.app import COMMANDS
 from memo_core.cli.main import main
 from memo_core.cli.tasks import read_seeds
 from memo_core.errors import InvalidArgument
+from memo_core.runlog.event_log import EventLog, read_events
 from memo_core.skillbook.book import Skillbook
 
 
@@ -169,6 +171,14 @@ def test_json_is_one_document_and_nothing_else(arguments, capsys):
     assert isinstance(json.loads(capsys.readouterr().out), dict)
 
 
+def test_a_list_of_tasks_says_by_which_commands_the_model_was_measured_and_prints_no_date(capsys):
+    assert run("tasks", "list", "--set", "llm.backend=offline") == 0
+    captured = capsys.readouterr()
+    assert "untaught: memo run --task TASK --seed 0 --teacher silent" in captured.err
+    assert "taught: memo run --task TASK --seed 0 --teacher simulated" in captured.err
+    assert not re.search(r"\d{4}-\d{2}-\d{2}", captured.out + captured.err)
+
+
 @pytest.mark.parametrize(
     ("text", "seeds"), [("0-3", (0, 1, 2, 3)), ("7", (7,)), ("1,4-6", (1, 4, 5, 6)), ("2,2", (2,)), (" 1 , 2 ", (1, 2))]
 )
@@ -240,6 +250,25 @@ def test_a_person_can_withdraw_and_is_asked_for_in_a_script(book, capsys):
     assert as_json(capsys, "skillbook", "forget", "anna", "--yes", "--book", str(book))["entries"] == 2
     assert [e["text"] for e in as_json(capsys, "skillbook", "list", "--book", str(book))["entries"]] == ["Move slowly."]
     assert run("skillbook", "forget", "anna", "--yes", "--book", str(book)) == 2
+
+
+def test_nothing_is_forgotten_while_a_run_of_the_book_writes_to_its_files(book, capsys, tmp_path):
+    trial, started = tmp_path / "experiment" / "trial", tmp_path / "started-by-hand"
+    with Skillbook(str(book)) as opened:
+        opened.note_place("run", tmp_path / "experiment")  # an evaluation: its runs are below
+    said = '{"event": "FeedbackGiven", "who": "anna", "words": "pull it in an arc"}'
+    for folder, further in ((trial, []), (started, ["--in", str(started)])):
+        folder.mkdir(parents=True)
+        log = EventLog(folder, "--out")
+        log.append(said)
+        assert run("skillbook", "forget", "anna", "--yes", "--book", str(book), *further) == 2
+        assert str(folder) in capsys.readouterr().err
+        log.append(said)
+        log.close()
+        assert len(read_events(folder)) == 2, "the log is still the one that the run writes to"
+    assert as_json(capsys, "skillbook", "stats", "--book", str(book))["feedback"] == 2
+    assert run("skillbook", "forget", "anna", "--yes", "--book", str(book), "--in", str(started)) == 0
+    assert "pull it" not in (trial / "events.jsonl").read_text() + (started / "events.jsonl").read_text()
 
 
 def test_a_mistyped_book_is_not_made(tmp_path, capsys):

@@ -10,6 +10,7 @@ import pytest
 from memo_llm.replay.recording import Call, read_recording
 
 from memo_core.config import load_experiment
+from memo_core.errors import InvalidArgument
 from memo_core.llm.prompt_sections import Prompt
 from memo_core.llm.readers import read_code, read_notes, read_plan, read_template
 from memo_core.plugins.registry import Registry
@@ -104,9 +105,17 @@ def test_the_demo_of_the_quirks_is_played_with_the_settings_its_story_needs(monk
     for overrides, repairs, recording in (
         ([], 0, "quirks.jsonl.gz"),
         (["suite.backend=quirks", "run.repairs=1"], 1, "quirks.jsonl.gz"),
-        (["suite.backend=tabletop"], 2, "demo.jsonl.gz"),
+        (["suite.backend=house-rules"], 1, "house-rules.jsonl.gz"),
     ):
         with pytest.raises(KeyboardInterrupt):
             command.command(out=tmp_path, overrides=overrides, replay=True)
         assert taken[-1].section("run").repairs == repairs
         assert taken[-1].public()["llm.file"].endswith(recording)
+
+
+def test_the_demo_of_a_suite_without_a_recording_names_the_suite_that_has_one(tmp_path):
+    import memo_core.cli.demo as command
+
+    with pytest.raises(InvalidArgument, match=r"'tabletop' ships no recording.*--set suite\.backend=quirks"):
+        command.command(out=tmp_path, overrides=["suite.backend=tabletop"], replay=True)
+    assert not list(tmp_path.iterdir())

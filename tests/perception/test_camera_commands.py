@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -26,6 +27,27 @@ CAMERAS = ["--set", "perception.backend=cameras", "--set", "perception.detector=
 def said(capsys, *arguments: str) -> dict:
     assert run_app([*arguments, "--json"]) == 0
     return json.loads(capsys.readouterr().out)
+
+
+@pytest.mark.parametrize(
+    ("setting", "module", "extra"),
+    [
+        ("source=realsense", "pyrealsense2", "realsense"),
+        ("source=orbbec", "pyorbbecsdk", "orbbec"),
+        ("source=[simulated,orbbec]", "pyorbbecsdk", "orbbec"),
+        ("detector=local", "transformers", "local"),
+        ("detector=[local,tags]", "torch", "local"),
+    ],
+)
+def test_checking_a_file_says_which_library_of_a_source_or_detector_is_missing(
+    setting, module, extra, capsys, tmp_path, monkeypatch
+):
+    file = tmp_path / "lab.yaml"
+    file.write_text("task: stack-the-cubes\nperception: {backend: cameras}\n")
+    assert said(capsys, "config", "check", str(file))["missing"] == [], "the simulator's cameras need none"
+    monkeypatch.setitem(sys.modules, module, None)
+    [missing] = said(capsys, "config", "check", str(file), "--set", f"perception.{setting}")["missing"]
+    assert f"Python module {module}" in missing and f"[{extra}]" in missing
 
 
 def test_a_board_is_written_as_large_as_it_is_to_be_printed(tmp_path):

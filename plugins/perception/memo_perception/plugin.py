@@ -5,7 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from memo_core.plugin import Backend, Needs, hookimpl
+from memo_perception.cameras.detectors import DETECTORS
 from memo_perception.cameras.settings import CamerasSettings
+from memo_perception.cameras.sources import SOURCES
+from memo_perception.cameras.stages import modules_of
 from memo_perception.settings import GroundTruthSettings
 
 
@@ -19,6 +22,11 @@ def _cameras(settings: Any) -> Any:
     from memo_perception.cameras.backend import Cameras
 
     return Cameras(settings)
+
+
+def _libraries(settings: CamerasSettings) -> Needs:
+    """The libraries of the chosen sources and detectors."""
+    return Needs(modules=modules_of(SOURCES, settings.source) | modules_of(DETECTORS, settings.detector))
 
 
 @hookimpl
@@ -39,5 +47,6 @@ def memo_perceptions() -> list[Backend]:
             factory=_cameras,
             config=CamerasSettings,
             needs=Needs(modules={"cv2": "opencv-python-headless", "scipy": "scipy"}),
+            needs_of=_libraries,
         ),
     ]

@@ -134,7 +134,6 @@ def memo_task_suites():
             demo=Demo(
                 taught="put-the-food-in-the-microwave",
                 transfer="put-the-food-in-the-oven",
-                recording="memo_tabletop/recordings/demo.jsonl.gz",
                 replay_suite="quirks",  # a real model opens the microwave without being taught
             ),
             default=True,

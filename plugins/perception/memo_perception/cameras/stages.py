@@ -16,7 +16,8 @@ class Stage:
     name: str
     summary: str
     made_by: str  # "module:class", imported when it is made; called with its settings, or with nothing
-    extra: str = ""  # pip extra of memo-perception that brings what it imports
+    extra: str = ""  # pip extra of memo-perception that brings ``modules``
+    modules: tuple[str, ...] = ()  # what it imports that memo-perception does not require
 
     def make(self, settings: Any) -> list[Any]:
         """The stage, unopened; several if its section is a list. ``settings``: a ``CamerasSettings``."""
@@ -30,4 +31,14 @@ class Stage:
 
 def stages_of(stages: Mapping[str, Stage], names: str | tuple[str, ...], settings: Any) -> list[Any]:
     """The named stages in order, unopened."""
-    return [made for name in ((names,) if isinstance(names, str) else names) for made in stages[name].make(settings)]
+    return [made for name in _listed(names) for made in stages[name].make(settings)]
+
+
+def modules_of(stages: Mapping[str, Stage], names: str | tuple[str, ...]) -> dict[str, str]:
+    """Modules that the named stages import, and the extra that brings each: the ``modules`` of ``Needs``."""
+    chosen = [stages[name] for name in _listed(names)]
+    return {module: f"memo-perception[{stage.extra}]" for stage in chosen for module in stage.modules}
+
+
+def _listed(names: str | tuple[str, ...]) -> tuple[str, ...]:
+    return (names,) if isinstance(names, str) else names

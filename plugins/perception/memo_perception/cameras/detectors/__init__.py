@@ -27,6 +27,7 @@ DETECTORS: dict[str, Stage] = {
             "models on this machine that find things by name and cut them out; their weights are yours",
             "memo_perception.cameras.detectors.local:LocalDetector",
             extra="local",
+            modules=("torch", "transformers"),
         ),
         Stage(
             "tags",

@@ -22,12 +22,14 @@ SOURCES: dict[str, Stage] = {
             "Intel RealSense D400 cameras (never run with one)",
             "memo_perception.cameras.sources.realsense:RealsenseSource",
             "realsense",
+            ("pyrealsense2",),
         ),
         Stage(
             "orbbec",
             "Orbbec Femto and Gemini cameras (never run with one)",
             "memo_perception.cameras.sources.orbbec:OrbbecSource",
             "orbbec",
+            ("pyorbbecsdk",),
         ),
     )
 }
