@@ -155,7 +155,7 @@ if TYPE_CHECKING:
         rod_inertia as rod_inertia,
     )
     from memo_core.robot.vacuum_hand import VacuumHand as VacuumHand
-    from memo_core.runlog.event_log import goes_on as goes_on, read_events as read_events
+    from memo_core.runlog.event_log import check_quiet as check_quiet, read_events as read_events
     from memo_core.runs.progress import RunProgress as RunProgress
     from memo_core.scene.appearance import appearance as appearance, colour_name as colour_name
     from memo_core.scene.building import (

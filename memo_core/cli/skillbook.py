@@ -259,6 +259,8 @@ def forget(
 ) -> None:
     """Remove a person's words and what derives only from them, also from run folders, recordings, exports and backups
     that the book knows of. Cannot be undone. Refused while a run is going on in one of these folders."""
+    from memo_core.runlog.event_log import check_quiet
+
     for path in also or ():
         if not path.exists():
             raise InvalidArgument("--in", f"{path} is not there", "a folder or file")
@@ -270,7 +272,8 @@ def forget(
                 )
             if not agreed(f"Remove everything {person!r} said from {opened.url}? [y/n]"):
                 raise InvalidArgument("the answer", "not yes: nothing was removed", "y, or --yes")
-        _check_quiet([*(place.path for place in opened.places() if place.kind == "run"), *(also or ())])
+        runs = [place.path for place in opened.places() if place.kind == "run"]
+        check_quiet([*runs, *(also or ())], "PERSON")
         forgotten = opened.forget(person, also or ())
     if json:
         print_json(attrs.asdict(forgotten))
@@ -307,17 +310,6 @@ def reembed(book: Book = None, config: ConfigFile = None, overrides: Overrides =
 
 def _reading(book: str | None, config: Path | None, overrides: list[str] | None) -> Skillbook:
     return _opened(book, config, overrides, read_only=True)
-
-
-def _check_quiet(paths: list[Path]) -> None:
-    """Raise ``InvalidArgument`` while a run is going on in a folder or below it: forgetting replaces the files that the
-    run writes to and takes the feedback that it refers to out of its book."""
-    from memo_core.runlog.event_log import FILE, goes_on
-
-    for folder in (log.parent for path in paths for log in path.rglob(FILE)):
-        if goes_on(folder):
-            problem = f"the run in {folder} is still going on"
-            raise InvalidArgument("PERSON", problem, "runs that have ended; wait for it, or stop it")
 
 
 def _writing(book: str | None, config: Path | None, overrides: list[str] | None) -> Skillbook:

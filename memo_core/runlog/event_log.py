@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import os
 import threading
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -104,3 +105,20 @@ def goes_on(folder: Path) -> bool:
     except OSError:
         return False
     return False
+
+
+def check_quiet(folders: Iterable[Path], argument: str) -> None:
+    """Check that no run is going on in folders or below them, before files that runs write to are replaced.
+
+    Args:
+        folders: folders of runs, or folders with such folders in them.
+        argument: name of the argument that the error is about.
+
+    Raises:
+        InvalidArgument: naming the first run that is going on.
+    """
+    for folder in (log.parent for place in folders for log in place.rglob(FILE)):
+        if goes_on(folder):
+            raise InvalidArgument(
+                argument, f"the run in {folder} is still going on", "runs that have ended; wait for it, or stop it"
+            )

@@ -6,11 +6,11 @@ import json
 from pathlib import Path
 
 import pytest
-from memo_web.why import RunRecords, check_quiet, search, uses_in
+from memo_web.why import RunRecords, run_folders, search, uses_in
 
 from memo_core.errors import InvalidArgument, UnknownName
-from memo_core.plugin import goes_on
-from memo_core.runlog.event_log import EventLog
+from memo_core.plugin import check_quiet
+from memo_core.runlog.event_log import EventLog, goes_on
 from memo_core.skillbook import explain
 from memo_core.skillbook.functions import functions_of
 from memo_core.skillbook.track_record import note_trial
@@ -164,12 +164,12 @@ def test_search_finds_entries_by_text_key_sentence_and_person(book):
 
 
 def test_nobody_is_forgotten_in_files_that_a_run_writes_to(book, tmp_path: Path):
-    check_quiet(book)
+    check_quiet(run_folders(book), "person")
     book.note_place("run", tmp_path)
     log = EventLog(tmp_path, "--out")
     assert goes_on(tmp_path)
-    with pytest.raises(InvalidArgument, match="is going on"):
-        check_quiet(book)
+    with pytest.raises(InvalidArgument, match="still going on"):
+        check_quiet(run_folders(book), "person")
     log.close()
-    check_quiet(book)
+    check_quiet(run_folders(book), "person")
     assert not goes_on(tmp_path / "nowhere")

@@ -8,7 +8,7 @@ from typing import Any
 
 import attrs
 
-from memo_core.plugin import InvalidArgument, goes_on, read_events
+from memo_core.plugin import InvalidArgument, read_events
 from memo_core.skillbook import Entry, Skillbook
 
 EVENTS = "events.jsonl"
@@ -164,13 +164,3 @@ def _has(book: Skillbook, entry: Entry, wanted: list[str]) -> bool:
         return True
     said = " ".join(f"{one.words} {one.who}" for one in map(book.feedback, book.sources([entry.id]))).casefold()
     return all(word in said for word in missing)
-
-
-# -- the right to withdraw ---------------------------------------------------------------------------------------------
-def check_quiet(book: Skillbook) -> None:
-    """Raise ``InvalidArgument`` while a run of the book goes on: forgetting rewrites the files that it writes to."""
-    for folder in run_folders(book):
-        if goes_on(folder):
-            raise InvalidArgument(
-                "person", f"the run {folder.name} is going on and writes to its files", "a stopped or ended run"
-            )

@@ -9,13 +9,13 @@ from typing import TypeVar
 import attrs
 from nicegui import run, ui
 
-from memo_core.plugin import MemoError
+from memo_core.plugin import MemoError, check_quiet
 from memo_core.skillbook import Entry, Explanation, Forgotten, Skillbook, explain
 from memo_web.pages.layout import LINKS, framed, visitor
 from memo_web.pages.run_view import RunView
 from memo_web.pages.study_state import study_of
 from memo_web.pages.text import heading, local_time, program, section, words
-from memo_web.why import LONGEST_SEARCH, RunRecords, Use, check_quiet, search
+from memo_web.why import LONGEST_SEARCH, RunRecords, Use, run_folders, search
 
 Result = TypeVar("Result")
 KINDS = {
@@ -356,7 +356,7 @@ def _confirm(shelf: BookShelf, who: str, report: ui.column, done: Callable[[], A
 
 async def _forget(shelf: BookShelf, who: str, report: ui.column) -> None:
     def work(book: Skillbook) -> Forgotten:
-        check_quiet(book)
+        check_quiet(run_folders(book), "person")
         return book.forget(who)
 
     report.clear()
