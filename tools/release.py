@@ -20,7 +20,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 _VERSION = re.compile(r"(\d+)\.(\d+)\.(\d+)")
-_STATED = re.compile(r'^(version = "|version: )[\d.]+', re.MULTILINE)
+_STATED = re.compile(r'^((?:__)?version(?:__)?(?: = "|: ))[\d.]+', re.MULTILINE)
 _RANGE = re.compile(r'("memo-[a-z-]+(?:\[[a-z,]+\])?)>=[\d.]+,<[\d.]+"')
 
 INSTALLING = """
@@ -33,9 +33,10 @@ pip install --find-links memo-{version} --constraint memo-{version}/constraints.
 memo demo --replay
 ```
 
-More plugins are added by the same command with their names in place of `memo-core[demo]`, such as `memo-web=={version}`;
-`memo doctor` prints it for what is missing. To install everything and have the hash of each file checked, choose a build of PyTorch
-first:
+More plugins are added by the same command with their names in place of `memo-core[demo]`, such as
+`memo-web=={version}`; `memo doctor` prints it for what is missing.
+
+To install everything and have the hash of each file checked, choose a build of PyTorch first:
 
 ```
 pip install --constraint memo-{version}/constraints.txt torch
@@ -61,7 +62,7 @@ def version_of(project: Path) -> str:
 
 
 def set_version(version: str, root: Path = ROOT) -> None:
-    """Write a version into all distributions, what they require of one another, and CITATION.cff.
+    """Write a version into all distributions, what they require of one another, CITATION.cff and README.md.
 
     Raises:
         ReleaseError: if it is not three numbers, or not stated once in a file.
@@ -71,12 +72,17 @@ def set_version(version: str, root: Path = ROOT) -> None:
         raise ReleaseError(f"version {version!r}: expected three numbers, such as 0.2.0")
     major, minor = int(numbers[1]), int(numbers[2])
     # What is imported may change with the first number, and before 1.0 with the second.
-    allowed = f">={major},<{major + 1}" if major else f">=0.{minor},<0.{minor + 1}"
-    for file in [*(project / "pyproject.toml" for project in projects(root)), root / "CITATION.cff"]:
+    allowed = f">={major}.{minor},<{major + 1}.0" if major else f">=0.{minor},<0.{minor + 1}"
+    before = version_of(root)
+    stating = [root / "memo_core" / "__init__.py", root / "CITATION.cff"]
+    for file in [*(project / "pyproject.toml" for project in projects(root)), *stating]:
         text, stated = _STATED.subn(rf"\g<1>{version}", file.read_text(encoding="utf-8"))
         if stated != 1:
             raise ReleaseError(f"{file}: its version is stated {stated} times, expected once")
         file.write_text(_RANGE.sub(rf'\g<1>{allowed}"', text), encoding="utf-8")
+    readme = (root / "README.md").read_text(encoding="utf-8")
+    shown = re.sub(rf"(\bmemo(?:_core)?-|==){re.escape(before)}\b", rf"\g<1>{version}", readme)
+    (root / "README.md").write_text(shown, encoding="utf-8")
 
 
 def notes(version: str, root: Path = ROOT) -> str:

@@ -1,8 +1,8 @@
 """``make release-check``: is the release good for whoever has only its folder?
 
 Builds the folder that ``make release`` builds, and follows its notes in an empty virtual environment: the core alone,
-which must name what else to install; the demo, its recording and its stand-in; then all plugins. Nothing may be imported
-from the checkout. Takes minutes and downloads the requirements, so it is run before a release and not by CI.
+which must name what else to install; the demo, its recording and its stand-in; then all plugins. Nothing may be
+imported from the checkout. Takes minutes and downloads the requirements, so it is run before a release and not by CI.
 """
 
 from __future__ import annotations
@@ -39,14 +39,24 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="memo-release-") as name:
         folder = Path(name)
         wheels = release.build(folder / f"memo-{version}")
-        assert len(wheels) == len(release.projects()), f"{len(wheels)} wheels of {len(release.projects())} distributions"
+        assert len(wheels) == len(release.projects()), (
+            f"{len(wheels)} wheels of {len(release.projects())} distributions"
+        )
         say(f"built {len(wheels)} wheels")
 
         venv.create(folder / "venv", with_pip=True)
         binaries = folder / "venv" / "bin"
         memo = binaries / "memo"
         constraints = f"memo-{version}/constraints.txt"
-        install = [binaries / "pip", "install", "--quiet", "--find-links", f"memo-{version}", "--constraint", constraints]
+        install = [
+            binaries / "pip",
+            "install",
+            "--quiet",
+            "--find-links",
+            f"memo-{version}",
+            "--constraint",
+            constraints,
+        ]
 
         run(*install, f"memo-core=={version}", cwd=folder)
         found = run(binaries / "python", "-c", "import memo_core; print(memo_core.__file__)", cwd=folder).strip()
