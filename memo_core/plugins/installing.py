@@ -48,9 +48,17 @@ def pip_install(*arguments: str) -> str:
 
 
 def install(wanted: str, module: str = "") -> str:
-    """The command that makes ``module`` importable with a distribution, and an extra if ``wanted`` names one: from the
-    folder that it was installed from, from MEMO's release if it is MEMO's, anew if it is installed and the module is
-    not there, else in the version that an installed plugin asks for; ``install NAME`` if none is known."""
+    """Shell command that installs what is missing.
+
+    Args:
+        wanted: a distribution, or an extra of one, such as ``memo-perception[local]``.
+        module: the module of it that cannot be imported.
+
+    Returns:
+        The command: from the folder that it was installed from; from MEMO's release if it is MEMO's; anew if it is
+        installed and the module is not there; else in the version that an installed plugin asks for. ``install NAME``
+        if none is known.
+    """
     name, extra, _ = _parts(wanted)
     if (folder := folder_of(name)) is not None:
         return pip_install("-e", f"{folder}{extra}")
