@@ -1,4 +1,4 @@
-"""What a release needs: one version everywhere, notes, a tag that fits, and errors that name what to install."""
+"""A release has one version everywhere, notes and a tag that fits, and errors name what to install."""
 
 from __future__ import annotations
 

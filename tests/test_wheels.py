@@ -22,7 +22,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
-    """What `make release` builds."""
+    """The folder that `make release` builds."""
     spec = importlib.util.spec_from_file_location("release", ROOT / "tools" / "release.py")
     assert spec is not None and spec.loader is not None
     release = importlib.util.module_from_spec(spec)

@@ -1,4 +1,4 @@
-"""``make release-check``: is the release good for whoever has only its folder?
+"""``make release-check``: does the folder of a release work without the checkout?
 
 Builds the folder that ``make release`` builds, and follows its notes in an empty virtual environment: the core alone,
 which must name what else to install; the demo, its recording and its stand-in; then all plugins. Nothing may be
@@ -23,7 +23,7 @@ def run(*command: str | Path, cwd: Path) -> str:
 
 
 def refused(*command: str | Path, cwd: Path) -> str:
-    """What a command that must fail complains of, in one line."""
+    """The complaint, in one line, of a command that must fail."""
     done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
     assert done.returncode == 2, f"{command[1:]} ended with {done.returncode}, expected 2: {done.stdout}{done.stderr}"
     return " ".join(done.stderr.split())

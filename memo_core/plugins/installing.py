@@ -85,8 +85,8 @@ def install_released(distribution: str, extra: str = "") -> str:
 
 @functools.cache
 def released() -> dict[str, list[str]]:
-    """What each plugin of MEMO offers (``offers.toml``, written by ``python tools/tables.py``): backends by kind and
-    name, and commands, such as ``robot panda``, ``command web``. The core is there too, with nothing."""
+    """Read from ``offers.toml``, written by ``python tools/tables.py``, the backends (by kind and name) and commands of
+    each plugin of MEMO, such as ``robot panda``, ``command web``. The core is there too, with nothing."""
     text = resources.files(__package__).joinpath("offers.toml").read_text(encoding="utf-8")
     return {"memo-core": [], **tomllib.loads(text)}
 
