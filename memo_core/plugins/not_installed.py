@@ -79,7 +79,7 @@ def demo_plugins() -> tuple[str, ...]:
 
 
 def offers_of(project: dict[str, Any]) -> tuple[str, ...]:
-    """List what a ``pyproject.toml`` declares to offer: backends and commands, such as ``robot panda``, ``command web``.
+    """List what a ``pyproject.toml`` offers: backends and commands, such as ``robot panda``, ``command web``.
 
     Raises:
         KeyError, TypeError, AttributeError: if it declares nothing, or in another form.
