@@ -15,7 +15,7 @@ DEMO_PLUGINS := $(addprefix plugins/,embedder franka llm offline perception sim_
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 REQUIREMENTS := Makefile pyproject.toml constraints.txt benchmarks/pyproject.toml $(addsuffix /pyproject.toml,$(PLUGINS))
 
-.PHONY: setup demo test test-fast lint docs lock release-check clean
+.PHONY: setup demo test test-fast lint docs lock release release-check clean
 
 setup: $(STAMP)
 
@@ -57,8 +57,10 @@ docs: setup
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 
 lock: setup
-	$(PIP) uv==0.13.9
 	$(BIN)/python tools/lock.py
+
+release: setup
+	$(BIN)/python tools/release.py build
 
 release-check: setup
 	$(BIN)/python tools/release_check.py

@@ -107,7 +107,7 @@ if TYPE_CHECKING:
         read_subtask as read_subtask,
     )
     from memo_core.plugins.hooks import hookimpl as hookimpl
-    from memo_core.plugins.installing import reinstall as reinstall
+    from memo_core.plugins.installing import install as install, reinstall as reinstall
     from memo_core.plugins.registry import Registry as Registry
     from memo_core.policy.method_interface import LanguageMethod as LanguageMethod, Method as Method
     from memo_core.policy.plan_feedback import PLANNING as PLANNING

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
+import re
 import subprocess
 import sys
 import sysconfig
+import tarfile
 import venv
 import zipfile
 from pathlib import Path
@@ -18,28 +21,21 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def wheels(tmp_path_factory) -> dict[str, Path]:
-    """Distribution name -> wheel, built from a copy so that nothing is left in the checkout."""
-    import shutil
+def folder(tmp_path_factory) -> Path:
+    """The folder that `make release` builds."""
+    spec = importlib.util.spec_from_file_location("release", ROOT / "tools" / "release.py")
+    assert spec is not None and spec.loader is not None
+    release = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(release)
+    folder = tmp_path_factory.mktemp("release")
+    release.build(folder)
+    return folder
 
-    copy, out = tmp_path_factory.mktemp("source") / "memo", tmp_path_factory.mktemp("wheels")
-    ignored = shutil.ignore_patterns(".venv", ".git", "__pycache__", ".*_cache", ".hypothesis")
-    shutil.copytree(ROOT, copy, ignore=ignored)
-    projects = [str(copy / project.relative_to(ROOT)) for project in PROJECTS]
-    # Without isolation: the build backend is one of the development requirements, so no index is asked.
-    command = [
-        sys.executable,
-        "-m",
-        "pip",
-        "wheel",
-        "--quiet",
-        "--no-deps",
-        "--no-build-isolation",
-        "--wheel-dir",
-        str(out),
-    ]
-    subprocess.run([*command, *projects], check=True, timeout=300)
-    return {path.name.split("-")[0].replace("_", "-"): path for path in out.glob("*.whl")}
+
+@pytest.fixture(scope="module")
+def wheels(folder) -> dict[str, Path]:
+    """Distribution name -> wheel."""
+    return {path.name.split("-")[0].replace("_", "-"): path for path in folder.glob("*.whl")}
 
 
 @pytest.fixture(scope="module")
@@ -78,6 +74,28 @@ def test_nothing_but_byte_code_is_left_out_of_a_wheel(wheels):
         files = [f for f in (project / package).rglob("*") if f.is_file() and f.suffix != ".pyc"]
         missing = {str(file.relative_to(project)) for file in files} - inside
         assert not missing, f"{wheel.name} lacks {missing}"
+
+
+def test_each_wheel_says_what_it_is_and_under_which_licence(folder, wheels):
+    version = re.search(r'^version = "(.*)"', (ROOT / "pyproject.toml").read_text(), re.MULTILINE)
+    assert version is not None
+    for name, wheel in wheels.items():
+        inside = zipfile.ZipFile(wheel)
+        metadata = next(file for file in inside.namelist() if file.endswith(".dist-info/METADATA"))
+        head, _, body = inside.read(metadata).decode().partition("\n\n")
+        assert head.count("\nClassifier: ") > 5 and "\nProject-URL: " in head and "\nLicense-File: LICENSE" in head
+        assert {"License-Expression: Apache-2.0", "Requires-Python: >=3.11"} <= set(head.split("\n")) and "MEMO" in body
+        assert f"{name}=={version[1]} \\\n    --hash=sha256:" in (folder / "requirements.lock").read_text()
+        assert f"{name}=={version[1]}\n" in (folder / "constraints.txt").read_text()
+        assert any(file.endswith("/licenses/LICENSE") for file in inside.namelist()), wheel.name
+
+
+def test_the_core_s_sdist_holds_the_documentation_and_the_examples_and_nothing_else_of_the_checkout(folder):
+    [file] = folder.glob("memo_core-*.tar.gz")
+    with tarfile.open(file) as archive:
+        inside = {name.partition("/")[2] for name in archive.getnames()}
+    assert {"docs/tutorial.md", "docs/images/demo.gif", "examples/paper.yaml", "CHANGELOG.md", "README.md"} <= inside
+    assert not any(name.startswith(("tests/", "plugins/", "benchmarks/", "tools/")) for name in inside)
 
 
 @pytest.mark.process

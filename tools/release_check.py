@@ -1,23 +1,20 @@
-"""``make release-check``: are the wheels good for somebody who has only them?
+"""``make release-check``: does the folder of a release work without the checkout?
 
-Builds a wheel of every distribution, installs them with their requirements from the package index into an empty virtual
-environment, checks that nothing is imported from the checkout, and runs the demo there. Takes minutes and downloads the
-requirements, so it is run before a release and not by CI.
+Builds the folder that ``make release`` builds, and follows its notes in an empty virtual environment: the core alone,
+which must name what else to install; the demo, its recording and its stand-in; then all plugins. Nothing may be
+imported from the checkout. Takes minutes and downloads the requirements, so it is run before a release and not by CI.
 """
 
 from __future__ import annotations
 
 import json
 import subprocess
-import sys
 import tempfile
 import time
 import venv
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
-PROJECTS = [ROOT, ROOT / "benchmarks", *sorted(path.parent for path in (ROOT / "plugins").glob("*/pyproject.toml"))]
-EXTRAS = {"memo_core": "[arm,video]"}
+import release
 
 
 def run(*command: str | Path, cwd: Path) -> str:
@@ -25,32 +22,68 @@ def run(*command: str | Path, cwd: Path) -> str:
     return subprocess.run(command, cwd=cwd, check=True, stdout=subprocess.PIPE, text=True).stdout
 
 
+def refused(*command: str | Path, cwd: Path) -> str:
+    """The complaint, in one line, of a command that must fail."""
+    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+    assert done.returncode == 2, f"{command[1:]} ended with {done.returncode}, expected 2: {done.stdout}{done.stderr}"
+    return " ".join(done.stderr.split())
+
+
 def main() -> None:
     started = time.monotonic()
+
+    def say(what: str) -> None:
+        print(f"{what}, {time.monotonic() - started:.0f} s", flush=True)
+
+    version = release.version_of(release.ROOT)
     with tempfile.TemporaryDirectory(prefix="memo-release-") as name:
         folder = Path(name)
-        wheels = folder / "wheels"
-        for project in PROJECTS:
-            run(sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", wheels, project, cwd=folder)
-        built = sorted(wheels.glob("*.whl"))
-        assert len(built) == len(PROJECTS), f"{len(built)} wheels of {len(PROJECTS)} distributions"
-        print(f"built {len(built)} wheels, {time.monotonic() - started:.0f} s")
+        wheels = release.build(folder / f"memo-{version}")
+        assert len(wheels) == len(release.projects()), (
+            f"{len(wheels)} wheels of {len(release.projects())} distributions"
+        )
+        say(f"built {len(wheels)} wheels")
 
         venv.create(folder / "venv", with_pip=True)
-        python = folder / "venv" / "bin" / "python"
-        # Each as it is, so that what asks for `memo-core[arm]` finds the core, and again with its extras.
-        extras = [f"{wheel}{EXTRAS[name]}" for wheel in built if (name := wheel.name.split("-")[0]) in EXTRAS]
-        constraints = ["--constraint", ROOT / "constraints.txt"]
-        run(python, "-m", "pip", "install", "--quiet", *constraints, *built, *extras, cwd=folder)
-        print(f"installed them into an empty environment, {time.monotonic() - started:.0f} s")
+        binaries = folder / "venv" / "bin"
+        memo = binaries / "memo"
+        constraints = f"memo-{version}/constraints.txt"
+        install = [
+            binaries / "pip",
+            "install",
+            "--quiet",
+            "--find-links",
+            f"memo-{version}",
+            "--constraint",
+            constraints,
+        ]
 
-        found = run(python, "-c", "import memo_core; print(memo_core.__file__)", cwd=folder).strip()
+        run(*install, f"memo-core=={version}", cwd=folder)
+        found = run(binaries / "python", "-c", "import memo_core; print(memo_core.__file__)", cwd=folder).strip()
         assert found.startswith(str(folder)), f"memo_core was imported from {found}"
-        plugins = json.loads(run(python.parent / "memo", "plugins", "list", "--json", cwd=folder))
+        assert run(memo, "--version", cwd=folder).strip() == f"memo {version}"
+        for arguments, plugin in (
+            (["demo"], "memo-tabletop"),
+            (["run", "--set", "llm=offline"], "memo-offline"),
+            (["web"], "memo-web"),
+        ):
+            told = refused(memo, *arguments, cwd=folder)
+            assert f"{constraints} {plugin}=={version}" in told, f"memo {' '.join(arguments)}: {told}"
+        say("the core alone names what to install")
+
+        run(*install, f"memo-core[demo]=={version}", cwd=folder)
+        say("installed the demo")
+        run(memo, "doctor", cwd=folder)
+        for options in (["--replay"], []):
+            story = json.loads(run(memo, "demo", *options, "--json", "--out", folder / "runs", cwd=folder))
+            assert story["told"], f"memo demo {' '.join(options)} told another story: {story['reasons']}"
+            say(f"memo demo {' '.join(options)}".strip() + " told its story")
+
+        run(*install, *(wheel.name.split("-")[0].replace("_", "-") + f"=={version}" for wheel in wheels), cwd=folder)
+        plugins = json.loads(run(memo, "plugins", "list", "--json", cwd=folder))
         assert not plugins["problems"], plugins["problems"]
-        told = json.loads(run(python.parent / "memo", "demo", "--json", "--out", folder / "runs", cwd=folder))
-        assert told["told"], f"the demo told another story: {told['reasons']}"
-        print(f"the demo told its story, {time.monotonic() - started:.0f} s in all")
+        assert not plugins["not_installed"], plugins["not_installed"]
+        say("installed all plugins")
 
 
 if __name__ == "__main__":

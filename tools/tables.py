@@ -1,5 +1,5 @@
 """The documentation's tables of measured figures, written from ``results/*.json``, of presets, from the
-settings, and of the faults that ``memo doctor`` recognises.
+settings, and of the faults that ``memo doctor`` recognises; and ``offers.toml``, what the plugins offer.
 
 A page marks each table with two comments, and what stands between them is written from the file or the settings::
 
@@ -23,10 +23,12 @@ from __future__ import annotations
 import json
 import re
 import sys
+import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
+OFFERS = Path("memo_core", "plugins", "offers.toml")
 _TABLE = re.compile(r"<!-- table: (\S+|preset \S+) -->\n(.*?)<!-- /table -->", re.DOTALL)
 
 
@@ -100,15 +102,32 @@ def with_tables(text: str, root: Path = ROOT) -> str:
     return _TABLE.sub(written, text)
 
 
+def offers(root: Path = ROOT) -> str:
+    """The text of ``offers.toml``: what each plugin offers, from its ``pyproject.toml``."""
+    from memo_core.plugins.not_installed import offers_of
+
+    lines = ["# Written by `python tools/tables.py` from the pyproject.toml of the plugins: what each offers.\n"]
+    for file in [root / "benchmarks" / "pyproject.toml", *sorted(root.glob("plugins/*/pyproject.toml"))]:
+        project = tomllib.loads(file.read_text(encoding="utf-8"))
+        if found := offers_of(project):
+            lines.append(f"{project['project']['name']} = {json.dumps(found)}\n")
+    return "".join(lines)
+
+
 def pages(root: Path = ROOT) -> list[Path]:
     """README and all pages of the documentation."""
     return [root / "README.md", *sorted((root / "docs").rglob("*.md"))]
 
 
 def outdated(root: Path = ROOT) -> dict[Path, str]:
-    """Pages whose tables differ from the result files, with their current text. Raises ``TableError``."""
+    """Pages whose tables differ from the result files, and ``offers.toml``, with their current text. Raises
+    ``TableError``."""
     found = {page: page.read_text(encoding="utf-8") for page in pages(root)}
     current = {page: with_tables(text, root) for page, text in found.items()}
+    file = root / OFFERS
+    if file.parent.is_dir():
+        found[file] = file.read_text(encoding="utf-8") if file.exists() else ""
+        current[file] = offers(root)
     return {page: text for page, text in current.items() if text != found[page]}
 
 
@@ -123,7 +142,7 @@ def main(arguments: list[str]) -> int:
         return 1
     for page, text in changed.items():
         if arguments:
-            print(f"{page.relative_to(ROOT)}: a table is not current; run python tools/tables.py", file=sys.stderr)
+            print(f"{page.relative_to(ROOT)}: not current; run python tools/tables.py", file=sys.stderr)
         else:
             page.write_text(text, encoding="utf-8")
             print(page.relative_to(ROOT))

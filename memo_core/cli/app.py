@@ -76,7 +76,13 @@ def _tree(typed: str) -> typer.Typer:
             tree.add_typer(module.app, name=name, help=line, no_args_is_help=True)
         else:
             tree.command(name, short_help=line)(module.command)
-    for point in plugin_commands():
+    points = plugin_commands()
+    if typed and typed not in COMMANDS and typed not in {point.name for point in points}:
+        from memo_core.plugins.not_installed import CommandNotInstalled, offering_command
+
+        if offered := offering_command(typed):
+            raise CommandNotInstalled(typed, offered)
+    for point in points:
         if point.name in COMMANDS:
             continue  # a plugin cannot take the place of a command of the core
         if point.name == typed:

@@ -111,12 +111,13 @@ def _backends(registry: Registry) -> Iterator[Finding]:
     from memo_core.plugins.registry import missing_needs
 
     for kind in KINDS:
-        offering = [(one, name) for one in registry.uninstalled() for of, name in one.offers if of == kind]
+        offering = registry.offering(kind)
         if not registry.backends(kind) and kind != "skills":
-            remedy = offering[0][0].command if offering else f"install a plugin that offers a {kind}"
+            remedy = offering[0].command if offering else f"install a plugin that offers a {kind}"
             yield Finding(kind, "missing", "no plugin that offers one is installed", remedy, "kind")
-        for one, name in offering:
-            yield Finding(f"{kind} {name}", "optional", "not installed", one.command, "uninstalled")
+        for one in offering:
+            for name in (name for of, name in one.offers if of == kind):
+                yield Finding(f"{kind} {name}", "optional", "not installed", one.command, "uninstalled")
         for backend in registry.backends(kind):
             for lacking in missing_needs(attrs.evolve(backend.needs, keys=())):
                 state = "optional" if not backend.default and len(registry.backends(kind)) > 1 else "missing"

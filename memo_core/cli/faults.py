@@ -29,9 +29,9 @@ FAULTS = {
         "the command that is printed: it installs a plugin of that kind",
     ),
     "uninstalled": Fault(
-        "a backend of this checkout is an unknown name",
-        "its plugin lies in `plugins/` and is not installed, as after `make demo`",
-        "`make setup`, or the command that is printed",
+        "a backend that comes with MEMO is an unknown name",
+        "its plugin is not installed, as after `make demo`",
+        "the command that is printed; `make setup` in a checkout installs all",
     ),
     "module": Fault(
         "`cannot be used: missing Python module …`, or files of an installed distribution are gone",

@@ -12,6 +12,8 @@ import re
 import shlex
 import shutil
 import sys
+import tomllib
+from importlib import resources
 from importlib.metadata import Distribution, PackageNotFoundError
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -46,16 +48,47 @@ def pip_install(*arguments: str) -> str:
 
 
 def install(wanted: str, module: str = "") -> str:
-    """The command that makes ``module`` importable with a distribution, and an extra if ``wanted`` names one: from the
-    folder that it was installed from, anew if it is installed and the module is not there, else in the version that an
-    installed plugin asks for; ``install NAME`` if none is known."""
+    """Shell command that installs what is missing.
+
+    Args:
+        wanted: a distribution, or an extra of one, such as ``memo-perception[local]``.
+        module: the module of it that cannot be imported.
+
+    Returns:
+        The command: from the folder that it was installed from; from MEMO's release if it is MEMO's; anew if it is
+        installed and the module is not there; else in the version that an installed plugin asks for. ``install NAME``
+        if none is known.
+    """
     name, extra, _ = _parts(wanted)
     if (folder := folder_of(name)) is not None:
         return pip_install("-e", f"{folder}{extra}")
+    if name in released() and (extra or not _with_requirements(name)):
+        return install_released(name, extra)
     if _with_requirements(name) and not extra:
         return reinstall(name, module)
     requirement = _requirement(name)
     return pip_install(requirement) if requirement else f"install {wanted}"
+
+
+def install_released(distribution: str, extra: str = "") -> str:
+    """The command that installs a distribution of MEMO, in the version of the core, from the folder of its release.
+
+    Args:
+        distribution: its name.
+        extra: an extra of it in brackets, or nothing.
+    """
+    version = importlib.metadata.version("memo-core")
+    folder = f"memo-{version}"
+    constraints = f"{folder}/constraints.txt"
+    return pip_install("--find-links", folder, "--constraint", constraints, f"{distribution}{extra}=={version}")
+
+
+@functools.cache
+def released() -> dict[str, list[str]]:
+    """Read from ``offers.toml``, written by ``python tools/tables.py``, the backends (by kind and name) and commands of
+    each plugin of MEMO, such as ``robot panda``, ``command web``. The core is there too, with nothing."""
+    text = resources.files(__package__).joinpath("offers.toml").read_text(encoding="utf-8")
+    return {"memo-core": [], **tomllib.loads(text)}
 
 
 def reinstall(distribution: str, module: str) -> str:
@@ -91,13 +124,14 @@ def damage(distribution: str, module: str) -> Damage | None:
 
 
 def folder_of(distribution: str) -> Path | None:
-    """The source folder that the installer recorded, for an editable or a regular install; None without one."""
+    """The source folder that the installer recorded, for an editable or a regular install; None for a wheel's."""
     try:
         noted = importlib.metadata.distribution(distribution).read_text("direct_url.json")
         url = urlsplit(json.loads(noted or "{}").get("url", ""))
     except (PackageNotFoundError, ValueError, AttributeError):
         return None
-    return Path(url2pathname(url.path)) if url.scheme == "file" else None
+    path = Path(url2pathname(url.path))
+    return path if url.scheme == "file" and path.is_dir() else None
 
 
 def _with_requirements(distribution: str) -> list[Distribution]:

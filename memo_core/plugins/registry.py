@@ -19,10 +19,10 @@ from memo_core.errors import MemoError, UnknownName
 from memo_core.events import Event, Problem
 from memo_core.interfaces.backend import KINDS, Backend, Needs
 from memo_core.plugins import hooks
-from memo_core.plugins.checkout import Uninstalled, uninstalled
 from memo_core.plugins.entry_points import installed
 from memo_core.plugins.installing import damage, install
 from memo_core.plugins.loading import GROUP, EntryPoint, Plugin, load_plugin, one_line, plugin_manager
+from memo_core.plugins.not_installed import Uninstalled, demo_plugins, uninstalled
 
 SLOW_LISTENER_S = 1.0  # a listener that takes longer than this over one event is reported
 
@@ -30,7 +30,7 @@ SLOW_LISTENER_S = 1.0  # a listener that takes longer than this over one event i
 @attrs.define(auto_exc=True, eq=False)
 class UnknownBackend(UnknownName):
     """A backend that no plugin offers. ``broken``: plugins that failed to load and might have offered it; ``absent``:
-    plugins of the checkout that offer it and are not installed."""
+    plugins of MEMO that offer it and are not installed."""
 
     broken: tuple[Plugin, ...] = ()
     absent: tuple[Uninstalled, ...] = ()
@@ -76,16 +76,18 @@ class AmbiguousBackend(MemoError):
 
 @attrs.define(auto_exc=True, eq=False)
 class NoDefaultBackend(MemoError):
-    """A config names no backend of a kind, and there is no unique default among the installed ones."""
+    """A config names no backend of a kind, and there is no unique default among the installed ones. ``remedy``: the
+    command that installs one."""
 
     kind: str
     candidates: tuple[str, ...]
+    remedy: str = "memo plugins list"
 
     exit_code = 2
 
     def __str__(self) -> str:
         if not self.candidates:
-            return f"{self.kind}: no plugin that offers one is installed (memo plugins list)"
+            return f"{self.kind}: no plugin that offers one is installed ({self.remedy})"
         return f"{self.kind}: choose one with `{self.kind}: {{backend: …}}` (available: {', '.join(self.candidates)})"
 
 
@@ -174,8 +176,13 @@ class Registry:
         return owners[0][1]
 
     def uninstalled(self) -> tuple[Uninstalled, ...]:
-        """The plugins of the checkout MEMO runs from that are not installed."""
+        """The plugins of MEMO that are not installed."""
         return uninstalled({plugin.distribution for plugin in self.plugins})
+
+    def offering(self, kind: str) -> tuple[Uninstalled, ...]:
+        """The plugins of MEMO that offer a backend of a kind and are not installed, those of the demo first."""
+        found = [one for one in self.uninstalled() if any(kind == offered for offered, _ in one.offers)]
+        return tuple(sorted(found, key=lambda one: one.distribution not in demo_plugins()))
 
     def default(self, kind: str) -> Backend:
         """The backend used when an experiment names none.
@@ -201,7 +208,9 @@ class Registry:
             # What two declare may have been the default: taking another in its place would be a guess.
             name = contested[0][1].name
             raise AmbiguousBackend(kind, name, _distributions(self._declared[(kind, name)]))
-        raise NoDefaultBackend(kind, tuple(b.name for b in chosen or candidates))
+        names = tuple(b.name for b in chosen or candidates)
+        offering = () if names else self.offering(kind)
+        raise NoDefaultBackend(kind, names, *(f"{one.command}; memo doctor" for one in offering[:1]))
 
     def _contested(self, kind: str) -> list[tuple[Plugin, Backend]]:
         return [owner for key in self.ambiguous if key[0] == kind for owner in self._declared[key]]

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from memo_core.plugins.checkout import uninstalled
+from memo_core.plugins.not_installed import uninstalled
 from memo_core.plugins.registry import Registry, UnknownBackend
 
 ROOT = Path(__file__).parents[2]

@@ -305,7 +305,7 @@ def test_a_library_that_is_not_installed_is_named_with_its_package(monkeypatch):
     import sys
 
     monkeypatch.setitem(sys.modules, "pyrealsense2", None)
-    with pytest.raises(BackendUnavailable, match="pip install pyrealsense2"):
+    with pytest.raises(BackendUnavailable, match=r"pip install .*perception\[realsense\]"):
         RealsenseSource(RealsenseSettings()).open()
 
 

@@ -10,7 +10,15 @@ import threading
 import time
 from typing import Any
 
-from memo_core.plugin import BackendUnavailable, Flag, GripperDescription, GripperDriver, Health, check_gripper_command
+from memo_core.plugin import (
+    BackendUnavailable,
+    Flag,
+    GripperDescription,
+    GripperDriver,
+    Health,
+    check_gripper_command,
+    install,
+)
 from memo_franka.faults import fault_of_error
 from memo_franka.settings import HandSettings
 
@@ -176,6 +184,6 @@ def import_franky() -> Any:
     try:
         import franky
     except ImportError as error:
-        remedy = "pip install 'plugins/franka[hardware]' in the checkout (franky-control)"
-        raise BackendUnavailable("robot_driver", "franka", f"franky cannot be imported: {error}", remedy) from error
+        problem = f"franky cannot be imported: {error}"
+        raise BackendUnavailable("robot_driver", "franka", problem, install("memo-franka[hardware]")) from error
     return franky

@@ -16,11 +16,10 @@ import attrs
 import cv2
 import numpy as np
 
-from memo_core.plugin import BackendUnavailable
+from memo_core.plugin import BackendUnavailable, install
 from memo_perception.cameras.detectors.detector import Prompt
 from memo_perception.cameras.detectors.model_answers import Box
 
-INSTALL = "pip install './plugins/perception[local]'"
 _IMAGENET = ((0.485, 0.456, 0.406), (0.229, 0.224, 0.225))  # mean and standard deviation of RGB, 0 to 1
 _HALVES = ((0.5, 0.5, 0.5), (0.5, 0.5, 0.5))
 
@@ -207,7 +206,9 @@ def _transformers() -> Any:
         import torch  # noqa: F401
         import transformers
     except ImportError as error:
-        raise BackendUnavailable("detector", "local", f"{error.name} is not installed", INSTALL) from None
+        raise BackendUnavailable(
+            "detector", "local", f"{error.name} is not installed", install("memo-perception[local]")
+        ) from None
     return transformers
 
 

@@ -13,7 +13,7 @@ import attrs
 import cv2
 import numpy as np
 
-from memo_core.plugin import BackendUnavailable, InvalidArgument, PerceptionContext, Pose
+from memo_core.plugin import BackendUnavailable, InvalidArgument, PerceptionContext, Pose, install
 from memo_perception.calibration.file import Calibration, load
 from memo_perception.cameras.frames import Frame, Intrinsics
 from memo_perception.cameras.settings import DeviceCamera, DeviceSettings
@@ -177,15 +177,15 @@ def _distorted_grid(k: Intrinsics, coefficients: np.ndarray, wide: int, high: in
     return (u * k.fx + k.cx).astype(np.float32), (v * k.fy + k.cy).astype(np.float32)
 
 
-def library(name: str, distribution: str, kind: Literal["realsense", "orbbec"]) -> object:
+def library(name: str, kind: Literal["realsense", "orbbec"]) -> object:
     """A camera maker's library. Raises ``BackendUnavailable`` if it is not installed."""
     import importlib
 
     try:
         return importlib.import_module(name)
     except ImportError as error:
-        remedy = f"pip install {distribution}, or the extra {kind} of memo-perception"
-        raise BackendUnavailable("source", kind, f"{name} cannot be imported ({_line(error)})", remedy) from error
+        problem = f"{name} cannot be imported ({_line(error)})"
+        raise BackendUnavailable("source", kind, problem, install(f"memo-perception[{kind}]")) from error
 
 
 def _calibration(camera: DeviceCamera) -> Calibration:

@@ -27,7 +27,7 @@ class OrbbecSource(DeviceSource):
     @property
     def _sdk(self) -> Any:
         if self._library is None:
-            self._library = library("pyorbbecsdk", "pyorbbecsdk2", "orbbec")
+            self._library = library("pyorbbecsdk", "orbbec")
         return self._library
 
     def serials(self) -> Sequence[str]:

@@ -26,7 +26,7 @@ class RealsenseSource(DeviceSource):
     @property
     def _rs(self) -> Any:
         if self._library is None:
-            self._library = library("pyrealsense2", "pyrealsense2", "realsense")
+            self._library = library("pyrealsense2", "realsense")
         return self._library
 
     def serials(self) -> Sequence[str]:
