@@ -108,7 +108,7 @@ def _braced(names: Sequence[str]) -> str:
 
 
 def _shared(lists: Sequence[list[str]]) -> int:
-    """How many words all lists begin with."""
+    """Number of words that all lists begin with."""
     return sum(1 for _ in takewhile(lambda words: len(set(words)) == 1, zip(*lists, strict=False)))
 
 
