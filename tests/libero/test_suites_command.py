@@ -104,6 +104,23 @@ def test_counts_tell_both_rules_apart_and_count_no_trial_twice(tmp_path):
     assert done.exit_code == 0 and json.loads((tmp_path / "table.json").read_text())["rows"] == [row]
 
 
+def test_counts_name_the_command_whose_episodes_they_are():
+    variants, files = ("goal", "goal-swap"), ("put-the-bowl-on-the-stove", "put-the-bowl-on-the-plate")
+    rows = [
+        {"task": f"{variant}-{file}", "part": f"libero_{variant.replace('-', '_')}", "seed": seed, "null": False}
+        | {"measures": {EVER: 1.0, AT_END: 1.0}}
+        for variant in variants
+        for file in files
+        for seed in (0, 1)
+    ]
+    told = counted(rows, "two cameras", ["suite.cameras=[agentview]"])
+    names = "goal-{,swap-}put-the-bowl-on-the-{plate,stove}"
+    verify = "memo tasks verify --config examples/libero.yaml --seeds 0,1 -s 'suite.cameras=[agentview]'"
+    assert told["command"] == f"{verify} --out FILE {names}; memo suites count FILE"
+    assert told["note"].startswith("episodes by part. Poses from two cameras")
+    assert counted(rows[1:], "two cameras")["note"].startswith("7 of these 8 episodes by part")
+
+
 def test_a_file_of_something_else_is_named(tmp_path):
     file = tmp_path / "other.jsonl"
     file.write_text('{"task": "open-the-fridge", "seed": 0, "measures": {"held_at_some_moment": 1}}\n')

@@ -44,12 +44,15 @@ def count(
     poses: Annotated[
         str, typer.Option("--poses", metavar="TEXT", help="For the note: where poses came from, such as 'two cameras'.")
     ] = "simulator state",
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", "-s", metavar="KEY=VALUE", help="For the command: as verify was given.")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Count what reference programs did on LIBERO, by part: by LIBERO's rule, and at the end."""
     from memo_libero.counting import counted, rows_of, write_table
 
-    table = counted(rows_of(files), poses)
+    table = counted(rows_of(files), poses, settings or ())
     if out is not None:
         write_table(out, table)
     if json:

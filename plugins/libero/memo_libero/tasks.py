@@ -40,16 +40,9 @@ class LiberoTask(Task):
         self.instruction = sentences[settings.instruction]
         self.split = "held-out" if _variant(told["suite"]) else "training"
         self.time_limit = settings.limit_s
-
-    @functools.cached_property
-    def labels(self) -> dict[str, str]:
-        """Labels of the task's things, by the suite's names."""
-        return labels_of(self.told["things"], f"{self.told['suite']}/{self.told['index']}")
-
-    @functools.cached_property
-    def goal(self) -> tuple[str, ...]:  # type: ignore[override]
-        """The goal as a person in the room would see it."""
-        return goal_sentences(self.told["goal"], self.labels, self.told["regions"])
+        self.labels = labels_of(told["things"], f"{told['suite']}/{told['index']}")  # by the suite's names
+        self.goal = goal_sentences(told["goal"], self.labels, told["regions"])
+        self.unsolved = without_program(told, self.labels)
 
     def scene(self, rng: np.random.Generator) -> SceneDescription:
         """The initial state whose number is the seed's, modulo their number; fixtures stand as the seed has them."""
@@ -78,11 +71,6 @@ class LiberoTask(Task):
     def reference_solution(self) -> str:
         """Our program for this kind of task; empty if there is none."""
         return reference_program(self.told, self.labels)
-
-    @functools.cached_property
-    def unsolved(self) -> str:  # type: ignore[override]
-        """The parts of the goal that have no program of ours; empty if there is a reference solution."""
-        return without_program(self.told, self.labels)
 
 
 def _judged(world: WorldState) -> tuple[bool, bool]:

@@ -6,6 +6,7 @@ Nothing in this folder imports MEMO. The suite is imported when it is first need
 from __future__ import annotations
 
 import ctypes.util
+import gc
 import importlib.metadata
 import os
 import sys
@@ -51,6 +52,7 @@ class Operations:
         task, wanted = (suite, index), (suite, index, state, seed)
         if self._loaded[:2] != task:
             self._world, self._loaded = None, ()
+            gc.collect()  # the suite's environment refers to itself, and its model takes 100 MB and more
             self._world = World(*task)
         if self._loaded != wanted:
             self._loaded = task
