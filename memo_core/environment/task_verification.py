@@ -9,6 +9,7 @@ import attrs
 
 from memo_core.environment.simulated import SimulatedEnvironment
 from memo_core.interfaces.task import Outcome
+from memo_core.interfaces.teacher import TaskEpisode
 from memo_core.sandbox.execution import Execution
 from memo_core.sandbox.sandbox import Sandbox
 from memo_core.sandbox.workspace import Workspace
@@ -27,6 +28,7 @@ class Verified:
     sim_s: float = 0.0  # simulated, of the reference solution
     cpu_s: float = 0.0  # processor time of the reference solution: physics, planning, monitors
     plain: Outcome | None = None  # of the plain attempt; None if it was not run
+    watched: TaskEpisode | None = None  # what a person beside the robot saw of the reference solution
 
 
 def run_code(
@@ -122,12 +124,16 @@ def verify_task(
                 yield Verified(world.task.name, seed, none, null)
                 continue
             begun, cpu = world.time(), time.process_time()
+            world.start_watching()
             error = run_code(world, world.task.reference_solution, sandbox).error
+            sightings = world.stop_watching()
             cpu_s, sim_s = time.process_time() - cpu, world.time() - begun
             reference, tried = world.check(), None
+            first, last = sightings[0].scene, sightings[-1].scene
+            watched = TaskEpisode(world.instruction, first, last, world.goal, sightings=sightings)
             if plain and world.task.plain_attempt:
                 world.restore(start)
                 run_code(world, world.task.plain_attempt, sandbox)
                 tried = world.check()
             wall_s = time.monotonic() - started
-            yield Verified(world.task.name, seed, reference, null, error, wall_s, sim_s, cpu_s, tried)
+            yield Verified(world.task.name, seed, reference, null, error, wall_s, sim_s, cpu_s, tried, watched)
