@@ -138,6 +138,11 @@ def verify(
             for failure in task["failures"]:
                 note(f"{task['name']}, seed {failure['seed']}: {failure['what']}: {failure['why']}")
         for task in report:
+            for body, most in task["unsettled"].items():
+                note(
+                    f"{task['name']}, seed {most['seed']}: {body!r} moves by {1000 * most['m']:.1f} mm at the start, "
+                    "before the robot does: put it where it can stay"
+                )
             for line in task["goal_unseen"]:
                 note(f"{task['name']}: the simulated teacher does not judge its goal: {line}")
             for line, where in task["goal_unmet"].items():

@@ -69,6 +69,7 @@ def run_trial(trial: VerifiedTrial) -> dict[str, Any]:
         "measures": found.reference.measures,
         "null": found.null.success,
         "null_why": found.null.reason,
+        "unsettled": dict(found.unsettled),
         "wall_s": time.monotonic() - started,
         "sim_s": found.sim_s,
         "cpu_s": found.cpu_s,
@@ -258,6 +259,7 @@ def report_of(name: str, results: list[dict[str, Any]]) -> dict[str, Any]:
         "failures": failures,
         "goal_unseen": next((r["goal_unseen"] for r in results if r.get("goal_unseen")), []),
         "goal_unmet": _seeds_of(results, "goal_unmet"),
+        "unsettled": _farthest(results),
     }
 
 
@@ -267,6 +269,16 @@ def _seeds_of(results: list[dict[str, Any]], key: str) -> dict[str, list[int]]:
     for result in results:
         for line in result.get(key, ()):
             found.setdefault(line, []).append(result["seed"])
+    return found
+
+
+def _farthest(results: list[dict[str, Any]]) -> dict[str, dict[str, float]]:
+    """Bodies that moved before the robot did: the most (m), and the seed of it."""
+    found: dict[str, dict[str, float]] = {}
+    for result in results:
+        for body, metres in result.get("unsettled", {}).items():
+            if body not in found or metres > found[body]["m"]:
+                found[body] = {"m": metres, "seed": result["seed"]}
     return found
 
 

@@ -36,14 +36,16 @@ def test_nothing_is_said_of_another_teacher_or_a_goal_that_can_be_seen(settings,
     assert not capsys.readouterr().err
 
 
-def test_verifying_says_whether_the_goal_can_be_seen(monkeypatch, capsys, blind_goal):
+def test_verifying_says_whether_the_goal_can_be_seen_and_what_fell(monkeypatch, capsys, blind_goal):
     from memo_core.cli.main import main
 
-    verified = Verified("open-the-fridge", 0, Outcome(True, "open"), Outcome(False, "shut"))
+    fell = {"milk": 0.014}
+    verified = Verified("open-the-fridge", 0, Outcome(True, "open"), Outcome(False, "shut"), unsettled=fell)
     monkeypatch.setattr("memo_core.environment.task_verification.verify_task", lambda *given: [verified])
     with pytest.raises(SystemExit, match="0"):
         main(["tasks", "verify", "open-the-fridge", "--seeds", "0"])
     said = capsys.readouterr().err
+    assert "open-the-fridge, seed 0: 'milk' moves by 14.0 mm at the start, before the robot does" in said
     assert "open-the-fridge: the simulated teacher does not judge its goal: 'the fridge feels cold'" in said
 
 

@@ -160,6 +160,13 @@ def test_nineteen_of_twenty_hold_and_eighteen_do_not():
     assert not holds(report_of("lift", [RESULT | {"seed": s, "null": s == 7} for s in range(20)]))
 
 
+def test_what_moves_before_the_robot_does_is_told_with_the_most_and_its_seed():
+    fell = [{}, {"unsettled": {"ring": 0.014}}, {"unsettled": {"ring": 0.003, "cup": 0.004}}]
+    report = report_of("lift", [RESULT | {"seed": seed} | one for seed, one in enumerate(fell)])
+    assert report["unsettled"] == {"ring": {"m": 0.014, "seed": 1}, "cup": {"m": 0.004, "seed": 2}}
+    assert holds(report)
+
+
 @pytest.mark.sim
 @pytest.mark.parametrize(
     "fault",

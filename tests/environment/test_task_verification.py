@@ -1,4 +1,4 @@
-"""``verify_task`` by physics: what a teacher beside the robot sees of a task whose success check says done."""
+"""``verify_task`` by physics: what a teacher sees of a task that the check calls done, and what does not stay put."""
 
 from __future__ import annotations
 
@@ -66,3 +66,25 @@ def test_a_success_is_put_before_the_simulated_teacher(experiment, place, unmet,
     teacher.open()
     assert teacher.judge_task(found.watched).kind == judged, "what it says of the same in a run"
     assert unseen_goal(task.goal, task.scene(None)) == []
+
+
+class Dropped(RingOnAPost):
+    """A block that starts so far above the table."""
+
+    def __init__(self, height: float) -> None:
+        super().__init__("table")
+        self.height = height
+
+    def scene(self, rng) -> SceneDescription:
+        block = Geom("box", (0.04, 0.04, 0.04), mass=0.1)
+        grain = Body("grain", (block,), Pose((0.5, 0.2, 0.12)), Free(), heap="sand")
+        at = Pose((0.5, -0.1, 0.02 + self.height))
+        return SceneDescription((grain, Body("block", (block,), at, Free(), label="ring")))
+
+
+@pytest.mark.sim
+@pytest.mark.parametrize(("height", "moved"), [(0.014, {"block": pytest.approx(0.014, abs=5e-4)}), (0.001, {})])
+def test_what_falls_before_the_robot_moves_is_told_with_how_far(experiment, height, moved):
+    task = Dropped(height)
+    [found] = verify_task(lambda seed: environment_of(experiment, task, seed), lambda: sandbox_of(experiment), [0])
+    assert found.unsettled == moved
