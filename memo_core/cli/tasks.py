@@ -50,6 +50,9 @@ def show(
     name: Annotated[str, typer.Argument(help="The task's name.")],
     seed: Annotated[int, typer.Option("--seed", min=0, help="Which scene of it.")] = 0,
     reference: Annotated[bool, typer.Option("--reference", help="Print its hand-written solution too.")] = False,
+    prompt: Annotated[
+        bool, typer.Option("--prompt", help="Print what the prompts say of its scene too, as first seen.")
+    ] = False,
     suite: Suite = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
@@ -58,8 +61,14 @@ def show(
     """Show one task: its instruction, what stands in its scene, what watches it."""
     from memo_core.environment.task_code import scene_of
     from memo_core.environment.task_environment import generator
+    from memo_core.runs.factories import environment_of
+    from memo_core.scene.scene_table import scene_table
 
-    task = _task(*load(config, _with_suite(overrides, suite)), name)
+    registry, experiment = load(config, _with_suite(overrides, suite))
+    task, table = _task(registry, experiment, name), ""
+    if prompt:
+        with environment_of(experiment, task, seed) as world:
+            table = scene_table(world.look())
     scene = scene_of(task, generator(seed, "scene"))
     bodies = [
         {"name": body.name, "label": body.label, "joint": type(body.joint).__name__.lower() if body.joint else "fixed"}
@@ -68,7 +77,8 @@ def show(
     monitors = [monitor.name for monitor in task.monitors()]
     if json:
         shown = _summary(task) | {"seed": seed, "bodies": bodies, "monitors": monitors, "time_limit_s": task.time_limit}
-        print_json(shown | ({"reference": task.reference_solution} if reference else {}))
+        more = ({"reference": task.reference_solution} if reference else {}) | ({"scene": table} if prompt else {})
+        print_json(shown | more)
         return
     print(f"{task.name}: {task.instruction}")
     for sentence in task.goal:
@@ -76,6 +86,8 @@ def show(
     print(f"type {task.kind or '-'}, split {task.split}, time limit {task.time_limit:g} s of the robot's time")
     print_table(("body", "label", "joint"), [(b["name"], b["label"], b["joint"]) for b in bodies])
     print(f"monitors: {', '.join(monitors) or 'none'}")
+    if prompt:
+        print(f"\n{table}")
     if reference:
         print(f"\n{task.reference_solution}")
 
