@@ -113,7 +113,8 @@ def verify(
 
     Exit code 1 when a reference solution succeeds on fewer than 19 of 20 seeds, or anything else on any, or when
     robot, simulator or the task's code fails: such a trial counts for nothing. "x real time" is how many seconds are
-    simulated in a second of one core's time, planning included.
+    simulated in a second of one core's time, planning included. Named besides: sentences of a goal that the simulated
+    teacher cannot judge or does not see fulfilled in a success, and things that move before the robot does.
     """
     from memo_core.cli import verification
     from memo_core.runs.factories import tasks_of

@@ -29,8 +29,8 @@ def unseen_goal(goal: Sequence[str], scene: SceneDescription) -> list[str]:
 
 
 def unmet_goal(episode: TaskEpisode) -> list[str]:
-    """What of its goal the simulated teacher does not see fulfilled at the end of an episode, a line each. Sentences
-    that it cannot read are left out (``unseen_goal``)."""
+    """Sentences of its goal that the simulated teacher does not see fulfilled at the end of an episode, a line each.
+    Those that it cannot read are left out (``unseen_goal``)."""
     seen, found = Seen(episode.before, episode.after, episode.sightings), []
     for sentence in episode.goal:
         condition = read_goal(sentence)
