@@ -35,7 +35,7 @@ class PutTheBlockOnTheMat(Task):
             Body("mat", (mat,), Pose((0.50, 0.15, 0.002)), label="mat", fixture=True),
             Body("block", (block,), Pose((float(x), float(y), 0.02)), Free(), label="block"),
         )
-        return SceneDescription(bodies, (Camera("front", look_at((-0.3, -1.1, 0.8), (0.4, 0.0, 0.0))),))
+        return SceneDescription(bodies, (Camera("front", look_at((1.2, -0.6, 0.6), (0.45, 0.0, 0.1))),))
 
     def check(self, world, monitors) -> Outcome:
         block, mat = np.array(world.body_pose("block").position), np.array(world.body_pose("mat").position)

@@ -52,6 +52,9 @@ def show(
     name: Annotated[str, typer.Argument(help="The task's name.")],
     seed: Annotated[int, typer.Option("--seed", min=0, help="Which scene of it.")] = 0,
     reference: Annotated[bool, typer.Option("--reference", help="Print its hand-written solution too.")] = False,
+    prompt: Annotated[
+        bool, typer.Option("--prompt", help="Print what the prompts say of its scene too, as first seen.")
+    ] = False,
     suite: Suite = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
@@ -60,8 +63,14 @@ def show(
     """Show one task: its instruction, what stands in its scene, what watches it."""
     from memo_core.environment.task_code import scene_of
     from memo_core.environment.task_environment import generator
+    from memo_core.runs.factories import environment_of
+    from memo_core.scene.scene_table import scene_table
 
-    task = _task(*load(config, _with_suite(overrides, suite)), name)
+    registry, experiment = load(config, _with_suite(overrides, suite))
+    task, table = _task(registry, experiment, name), ""
+    if prompt:
+        with environment_of(experiment, task, seed) as world:
+            table = scene_table(world.look())
     scene = scene_of(task, generator(seed, "scene"))
     bodies = [
         {"name": body.name, "label": body.label, "joint": type(body.joint).__name__.lower() if body.joint else "fixed"}
@@ -70,7 +79,8 @@ def show(
     monitors = [monitor.name for monitor in task.monitors()]
     if json:
         shown = _summary(task) | {"seed": seed, "bodies": bodies, "monitors": monitors, "time_limit_s": task.time_limit}
-        print_json(shown | ({"reference": task.reference_solution} if reference else {}))
+        more = ({"reference": task.reference_solution} if reference else {}) | ({"scene": table} if prompt else {})
+        print_json(shown | more)
         return
     print(f"{task.name}: {task.instruction}")
     for sentence in task.goal:
@@ -78,6 +88,8 @@ def show(
     print(f"type {task.kind or '-'}, split {task.split}, time limit {task.time_limit:g} s of the robot's time")
     print_table(("body", "label", "joint"), [(b["name"], b["label"], b["joint"]) for b in bodies])
     print(f"monitors: {', '.join(monitors) or 'none'}")
+    if prompt:
+        print(f"\n{table}")
     if reference:
         print(f"\n{task.reference_solution}")
 
@@ -103,7 +115,8 @@ def verify(
 
     Exit code 1 when a reference solution succeeds on fewer than 19 of 20 seeds, or anything else on any, or when
     robot, simulator or the task's code fails: such a trial counts for nothing. "x real time" is how many seconds are
-    simulated in a second of one core's time, planning included.
+    simulated in a second of one core's time, planning included. Named besides: sentences of a goal that the simulated
+    teacher cannot judge or does not see fulfilled in a success, and things that move before the robot does.
     """
     from memo_core.cli import verification
     from memo_core.runs.factories import tasks_of
@@ -140,10 +153,21 @@ def verify(
             for failure in task["failures"]:
                 note(f"{task['name']}, seed {failure['seed']}: {failure['what']}: {failure['why']}")
         for task in report:
+            for body, most in task["unsettled"].items():
+                note(
+                    f"{task['name']}, seed {most['seed']}: {body!r} moves by {1000 * most['m']:.1f} mm at the start, "
+                    "before the robot does: put it where it can stay"
+                )
             for line in task["goal_unseen"]:
                 note(f"{task['name']}: the simulated teacher does not judge its goal: {line}")
-        if not any(task["goal_unseen"] for task in report):
-            note("goals: the simulated teacher understands each sentence")
+            for line, where in task["goal_unmet"].items():
+                note(
+                    f"{task['name']}: to the simulated teacher {line} where the success check says done "
+                    f"({len(where)} of {task['reference']} seeds, first {where[0]})"
+                )
+        if not any(task["goal_unseen"] or task["goal_unmet"] for task in report):
+            done = any(task["reference"] for task in report)
+            note("goals: the simulated teacher understands each sentence" + done * " and sees it fulfilled at the end")
     if not all(verification.holds(task) for task in report):
         raise typer.Exit(1)
 

@@ -44,7 +44,7 @@ def run_trial(trial: VerifiedTrial) -> dict[str, Any]:
     from memo_core.runs.factories import environment_of, sandbox_of, task_of
     from memo_core.runs.run_errors import run_error
     from memo_core.runs.sections import SECTIONS
-    from memo_core.teachers.goal_check import unseen_goal
+    from memo_core.teachers.goal_check import unmet_goal, unseen_goal
 
     started = time.monotonic()
     # Not ``load``: what it says of plugins and settings has been said once, before the first trial.
@@ -69,10 +69,12 @@ def run_trial(trial: VerifiedTrial) -> dict[str, Any]:
         "measures": found.reference.measures,
         "null": found.null.success,
         "null_why": found.null.reason,
+        "unsettled": dict(found.unsettled),
         "wall_s": time.monotonic() - started,
         "sim_s": found.sim_s,
         "cpu_s": found.cpu_s,
         "goal_unseen": unseen_goal(task.goal, scene_of(task, generator(trial.seed, "scene"))),
+        "goal_unmet": unmet_goal(found.watched) if found.watched and found.reference.success else [],
     }
     if trial.digested:
         result["digest"] = digest_of(experiment)(trial.task, trial.seed)
@@ -256,7 +258,28 @@ def report_of(name: str, results: list[dict[str, Any]]) -> dict[str, Any]:
         "real_time_factor": round(simulated / busy, 1) if busy > 0 else None,
         "failures": failures,
         "goal_unseen": next((r["goal_unseen"] for r in results if r.get("goal_unseen")), []),
+        "goal_unmet": _seeds_of(results, "goal_unmet"),
+        "unsettled": _farthest(results),
     }
+
+
+def _seeds_of(results: list[dict[str, Any]], key: str) -> dict[str, list[int]]:
+    """The lines under a key of the results, with the seeds of each."""
+    found: dict[str, list[int]] = {}
+    for result in results:
+        for line in result.get(key, ()):
+            found.setdefault(line, []).append(result["seed"])
+    return found
+
+
+def _farthest(results: list[dict[str, Any]]) -> dict[str, dict[str, float]]:
+    """Bodies that moved before the robot did: the most (m), and the seed of it."""
+    found: dict[str, dict[str, float]] = {}
+    for result in results:
+        for body, metres in result.get("unsettled", {}).items():
+            if body not in found or metres > found[body]["m"]:
+                found[body] = {"m": metres, "seed": result["seed"]}
+    return found
 
 
 def holds(report: dict[str, Any]) -> bool:

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import attrs
 
 from memo_core.environment.simulated import SimulatedEnvironment
 from memo_core.interfaces.task import Outcome
+from memo_core.interfaces.teacher import TaskEpisode
 from memo_core.sandbox.execution import Execution
 from memo_core.sandbox.sandbox import Sandbox
 from memo_core.sandbox.workspace import Workspace
+from memo_core.scene.description import Free
+
+UNSETTLED_M = 0.002  # a thing that moves farther than this before the robot does was not put where it can stay
 
 
 @attrs.frozen
@@ -27,6 +32,8 @@ class Verified:
     sim_s: float = 0.0  # simulated, of the reference solution
     cpu_s: float = 0.0  # processor time of the reference solution: physics, planning, monitors
     plain: Outcome | None = None  # of the plain attempt; None if it was not run
+    watched: TaskEpisode | None = None  # what a person beside the robot saw of the reference solution
+    unsettled: Mapping[str, float] = attrs.field(factory=dict)  # body -> m that it moved before the robot did
 
 
 def run_code(
@@ -113,21 +120,36 @@ def verify_task(
         started = time.monotonic()
         with make_environment(seed) as world, make_sandbox() as sandbox:
             start = world.checkpoint()
+            placed = _free_bodies(world)
             world.settle(world.task.settle)
             null = world.check()
+            moved = {name: math.dist(at, placed[name]) for name, at in _free_bodies(world).items()}
+            unsettled = {name: metres for name, metres in moved.items() if metres > UNSETTLED_M}
             world.restore(start)
             if not world.task.reference_solution:
                 why = f": {world.task.unsolved}" if world.task.unsolved else ""
                 none = Outcome(False, f"the task has no reference solution{why}")
-                yield Verified(world.task.name, seed, none, null)
+                yield Verified(world.task.name, seed, none, null, unsettled=unsettled)
                 continue
             begun, cpu = world.time(), time.process_time()
+            world.start_watching()
             error = run_code(world, world.task.reference_solution, sandbox).error
+            sightings = world.stop_watching()
             cpu_s, sim_s = time.process_time() - cpu, world.time() - begun
             reference, tried = world.check(), None
+            first, last = sightings[0].scene, sightings[-1].scene
+            watched = TaskEpisode(world.instruction, first, last, world.goal, sightings=sightings)
             if plain and world.task.plain_attempt:
                 world.restore(start)
                 run_code(world, world.task.plain_attempt, sandbox)
                 tried = world.check()
             wall_s = time.monotonic() - started
-            yield Verified(world.task.name, seed, reference, null, error, wall_s, sim_s, cpu_s, tried)
+            yield Verified(
+                world.task.name, seed, reference, null, error, wall_s, sim_s, cpu_s, tried, watched, unsettled
+            )
+
+
+def _free_bodies(world: SimulatedEnvironment) -> dict[str, tuple[float, float, float]]:
+    """Positions (m) of the bodies that nothing holds; grains, which trickle, are left out."""
+    bodies = [body for body, _ in world.description.walk() if isinstance(body.joint, Free) and not body.heap]
+    return {body.name: world.simulator.body_pose(body.name).position for body in bodies}

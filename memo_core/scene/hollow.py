@@ -102,6 +102,7 @@ def cup(
 
     Returns:
         The floor, then the boxes counter-clockwise from +x. The frame is at the centre of the floor's underside, z up.
+        The boxes begin on top of the floor, at z = ``wall``; those of a ring (all but the first geom) do so too.
 
     Raises:
         InvalidArgument: if ``sides`` is below 3, ``apothem`` is not positive or ``height`` does not exceed ``wall``.

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from memo_core.interfaces.teacher import TaskEpisode
 from memo_core.scene.description import SceneDescription
-from memo_core.teachers.visible_goal import FORMS, read_goal
+from memo_core.teachers.visible import Seen
+from memo_core.teachers.visible_goal import FORMS, holds, read_goal
 
 
 def unseen_goal(goal: Sequence[str], scene: SceneDescription) -> list[str]:
@@ -23,6 +25,18 @@ def unseen_goal(goal: Sequence[str], scene: SceneDescription) -> list[str]:
         named = (*condition.subjects, *([condition.place] if condition.place else []))
         unknown = [name for name in named if not is_named(name, labels)]
         found += [f"{sentence!r} names {name!r}, which is none of {', '.join(sorted(labels))}" for name in unknown]
+    return found
+
+
+def unmet_goal(episode: TaskEpisode) -> list[str]:
+    """Sentences of its goal that the simulated teacher does not see fulfilled at the end of an episode, a line each.
+    Those that it cannot read are left out (``unseen_goal``)."""
+    seen, found = Seen(episode.before, episode.after, episode.sightings), []
+    for sentence in episode.goal:
+        condition = read_goal(sentence)
+        so = True if condition is None else holds(condition, seen)
+        if not so:
+            found.append(f"{sentence!r} " + ("cannot be judged" if so is None else "is not fulfilled"))
     return found
 
 

@@ -13,7 +13,9 @@ from memo_sim_mujoco.simulator import MujocoSimulator, SimulationDiverged
 from memo_core.cli.options import load
 from memo_core.cli.verification import TrialLog, VerifiedTrial, digest_of, holds, report_of, run_trial, run_trials
 from memo_core.errors import BackendUnavailable, InvalidArgument, RobotFault, TaskCodeError
+from memo_core.runs.factories import environment_of, task_of
 from memo_core.runs.run_errors import Halted
+from memo_core.scene.scene_table import scene_table
 
 RESULT = {
     "task": "lift",
@@ -160,6 +162,13 @@ def test_nineteen_of_twenty_hold_and_eighteen_do_not():
     assert not holds(report_of("lift", [RESULT | {"seed": s, "null": s == 7} for s in range(20)]))
 
 
+def test_what_moves_before_the_robot_does_is_told_with_the_most_and_its_seed():
+    fell = [{}, {"unsettled": {"ring": 0.014}}, {"unsettled": {"ring": 0.003, "cup": 0.004}}]
+    report = report_of("lift", [RESULT | {"seed": seed} | one for seed, one in enumerate(fell)])
+    assert report["unsettled"] == {"ring": {"m": 0.014, "seed": 1}, "cup": {"m": 0.004, "seed": 2}}
+    assert holds(report)
+
+
 @pytest.mark.sim
 @pytest.mark.parametrize(
     "fault",
@@ -242,6 +251,22 @@ def test_a_task_is_drawn_at_its_start_and_at_its_end(tmp_path):
     start, end = (image.open(drawn[when]) for when in ("start", "end"))
     assert start.size == end.size == (160, 120)
     assert len(set(start.tobytes())) > 20 and start.tobytes() != end.tobytes()
+
+
+@pytest.mark.sim
+def test_a_task_is_shown_with_what_the_prompts_say_of_its_scene(capsys):
+    """It is the scene as a run with this seed first sees it."""
+    from memo_core.cli.main import main
+
+    experiment = load(None, [])[1]
+    with environment_of(experiment, task_of(experiment, "pick-the-left-can"), 3) as world:
+        table = scene_table(world.look())
+    for arguments in ([], ["--json"]):
+        with pytest.raises(SystemExit, match="0"):
+            main(["tasks", "show", "pick-the-left-can", "--seed", "3", "--prompt", *arguments])
+        shown = capsys.readouterr().out
+        assert json.loads(shown)["scene"] == table if arguments else table in shown
+    assert table.startswith("## Scene") and "green can" in table
 
 
 @pytest.mark.process
