@@ -123,8 +123,9 @@ def test_a_server_that_refuses_schemas_can_be_used_and_that_is_said(capsys):
 
 @pytest.mark.wire
 def test_a_server_that_cannot_stream_can_be_used_and_that_is_said(capsys):
-    code, shown, _, _ = checked(lambda asked: sensible(asked, streams=False), capsys)
+    code, shown, err, wire = checked(lambda asked: sensible(asked, streams=False), capsys)
     assert code == 0 and states(shown)["streaming"] == "no"
+    assert "7 questions to openai/x" in err and len(wire.asked) == 7
     assert all(one["first_text_s"] is None for one in shown["asked"])
 
 
