@@ -9,6 +9,7 @@ import pytest
 
 from memo_core.cli.main import main
 from memo_core.interfaces.llm import Message, Request
+from memo_core.policy.example_questions import SCENE
 from tests.support.fake_openai_server import Asked, Reply, Wire, error
 from tests.support.offline_prompts import MODEL
 
@@ -94,6 +95,17 @@ def test_the_offline_backend_answers_all_questions_for_nothing_and_unasked(capsy
     assert [line.split("  ")[0] for line in told.out.splitlines()[2:9]] == PHASES
     assert "streaming: no" in told.out and "typical: 3 subtasks" in told.out
     assert "7 questions to offline, free" in told.err
+
+
+@pytest.mark.wire
+def test_the_correction_of_the_example_names_what_it_measures_from_and_keeps_the_fingers_above_the_table(capsys):
+    _, _, _, wire = checked(sensible, capsys)
+    corrected = [text for asked in wire.asked for text in asked.texts if "2 cm" in text]
+    assert len(corrected) >= 4, "code twice, feedback, cluster"
+    for text in corrected:
+        assert text.count("2 cm below its middle") == text.count("2 cm")
+    brick = next(node for node in SCENE.nodes if node.label == "brick")
+    assert brick.pose.position[2] - 0.02 > 0.03 and brick.pose.position[2] == brick.size[2] / 2
 
 
 # -- servers that do not -----------------------------------------------------------------------------------------------
