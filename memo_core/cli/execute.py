@@ -12,7 +12,7 @@ import attrs
 import typer
 
 from memo_core.cli.options import ConfigFile, Json, Overrides, Seed, load
-from memo_core.cli.output import print_json, while_read
+from memo_core.cli.output import note, print_json, while_read
 from memo_core.cli.signal_handling import INTERRUPTED, Interrupt, handling
 from memo_core.cli.standard_input import text_of_stdin
 from memo_core.errors import InvalidArgument, MemoError
@@ -46,7 +46,8 @@ def command(
 ) -> None:
     """Run a file of robot code in a task's scene, in the sandbox.
 
-    Exit code 0 only when the code ran to its end. Its output goes to stdout, a refusal or an error to stderr.
+    Exit code 0 only when the code ran to its end, whatever the task's success check says. The code's output goes to
+    stdout; the verdict of the success check, a refusal or an error to stderr.
     """
     code = _read(file)
     _, experiment = load(config, overrides, task, seed)
@@ -80,6 +81,9 @@ def command(
                 "reason": outcome.reason,
             }
         )
+    else:
+        verdict = "done" if outcome.success else "not done"
+        note(f"memo: {chosen.name}, seed {experiment.seed}: {verdict} ({outcome.reason})")
     if not execution.succeeded:
         stopped = execution.ended == "stopped"
         raise CodeEnded(str(file), execution.error or execution.ended, INTERRUPTED if stopped else 1)

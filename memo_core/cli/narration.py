@@ -131,7 +131,7 @@ class Narrator:
         else:
             table = Table(box=None, padding=(0, 1), show_header=True, header_style="dim")
             for column in ("  served", "r", "action", "objects", "key", "text"):
-                table.add_column(column, overflow="fold" if column == "text" else "ellipsis", no_wrap=column != "text")
+                table.add_column(column, overflow="fold", no_wrap=column not in ("key", "text"))
             for one in event.served:
                 text = headline(one.kind, one.text)
                 numbers = [f"{v:.2f}" for v in (one.score, one.action_cosine, one.objects_cosine)]

@@ -71,6 +71,7 @@ SCAFFOLDS = {
             _ARRAYS,
             (
                 "memo tasks verify --suite {name} --seeds 0-4",
+                _CHECK.format(kind="suite"),
                 "memo run --task {name} --set suite.backend={name}",
             ),
         ),

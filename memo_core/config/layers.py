@@ -14,7 +14,7 @@ from typing import Any
 
 import attrs
 
-from memo_core.config.errors import DEFAULT, Issue, Origin, dotted
+from memo_core.config.errors import DEFAULT, Issue, Origin, dotted, shown_value
 from memo_core.config.references import MOST_REFERENCES, too_entangled
 from memo_core.config.source import Path_, Source, read_file, read_text, read_value
 from memo_core.errors import close_match
@@ -132,7 +132,10 @@ def _with_bases(file: Path, shown: str, above: tuple[Path, ...]) -> list[Source]
 
 
 def _overrides(overrides: Sequence[str]) -> Source:
+    """The layer of ``--set``. What names a backend is placed before the section's other keys, and a whole section
+    before one of its values, whatever their order: otherwise the later option would discard the earlier one."""
     source = Source()
+    placed: list[tuple[tuple[str, ...], Any, Origin]] = []
     for override in overrides:
         name, equals, text = override.partition("=")
         parts = tuple(part.strip() for part in name.split("."))
@@ -148,8 +151,21 @@ def _overrides(overrides: Sequence[str]) -> Source:
         if parts == ("extends",):
             source.issues.append(Issue(origin, "extends", "can only be set in a file"))
             continue
+        placed += [(path, leaf, origin) for path, leaf in _keys_of_section(parts, value)]
+    for parts, value, origin in sorted(placed, key=lambda one: 1 if one[0][1:] == ("backend",) else len(one[0])):
         _place(source, parts, value, origin)
     return source
+
+
+def _keys_of_section(parts: tuple[str, ...], value: Any) -> list[tuple[tuple[str, ...], Any]]:
+    """``teacher=NAME`` as ``teacher.backend=NAME``, and a section given as a mapping as its keys."""
+    if len(parts) > 1 or parts == ("skills",):
+        return [(parts, value)]
+    if isinstance(value, str) and parts[0] in KINDS:
+        return [((*parts, "backend"), value)]
+    if isinstance(value, dict) and value:
+        return [((*parts, key), child) for key, child in value.items()]
+    return [(parts, value)]
 
 
 def _place(source: Source, parts: tuple[str, ...], value: Any, origin: Origin) -> None:
@@ -161,7 +177,12 @@ def _place(source: Source, parts: tuple[str, ...], value: Any, origin: Origin) -
         elif isinstance(child, str) and index == 0 and child in preset_sections(part):
             child = into[part] = dict(preset_sections(part)[child])
         if not isinstance(child, dict):
-            source.issues.append(Issue(origin, ".".join(parts), f"{part} was already set to a value without keys"))
+            above = ".".join(parts[: index + 1])
+            problem = f"{above} is set to {shown_value(child, above)}, which has no keys"
+            remedy = (
+                f"; a backend is named beside its keys by {above}.backend={child}" if isinstance(child, str) else ""
+            )
+            source.issues.append(Issue(origin, ".".join(parts), problem + remedy))
             return
         source.origins[parts[: index + 1]] = origin
         into = child

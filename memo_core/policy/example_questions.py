@@ -22,8 +22,8 @@ from memo_core.skillbook.model.entries import Entry
 from memo_core.skillbook.model.keys import Key
 
 SUBTASK = "PICK_UP(brick)"
-REMARK = "no, grasp it 2 cm lower"
-NOTES = ("Grasp it 2 cm lower.", "Grasp it at the bottom, about 2 cm lower.")
+REMARK = "no, grasp it 2 cm below its middle"
+NOTES = ("Grasp it 2 cm below its middle.", "Grasp it lower, about 2 cm below its middle.")
 CODE = """\
 open_gripper()
 x, y, z = get_position("brick")
@@ -36,7 +36,7 @@ print(is_holding())
 FAILED = 'move_to(get_position("brick"), side_orientation([-1, 0, 0]))\nclose_gripper()\n'
 SCENE = SceneGraph(
     (
-        Node("brick", "brick", Pose((0.45, -0.2, 0.025)), (0.05, 0.05, 0.05), attributes=("red",)),
+        Node("brick", "brick", Pose((0.45, -0.2, 0.06)), (0.05, 0.05, 0.12), attributes=("red",)),
         Node("tile", "tile", Pose((0.5, 0.2, 0.01)), (0.1, 0.1, 0.02)),
     ),
     (Relation("brick", "right of", "tile"),),

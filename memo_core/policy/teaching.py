@@ -93,6 +93,7 @@ class Teaching:
         self._questions = questions
         self._person = person
         self._remarks: list[_Remark] = []  # of this run, oldest first
+        self._stopped: set[int] = set()  # feedback whose reading a stop abandoned: not asked about again in this run
         self._raw = session.book if session.book is not None and not session.book.read_only else None
         self._book = LoggedBook(session, self._raw) if self._raw is not None else None
         self._file = WordsFile(session.log.folder, session.person.who)
@@ -152,11 +153,12 @@ class Teaching:
 
     def process_pending(self) -> None:
         """Make entries of all feedback that none were made of yet, also from runs that ended early, and read those of
-        this run back to the person. Raises ``Stopped``; what a model cannot be asked about now stays pending."""
+        this run back to the person. What a model cannot be asked about now stays pending, and so does what it was
+        asked about when stop was pressed, for the rest of the run. Raises ``Stopped``."""
         if self._book is None or not self._memory.any:
             return
         for feedback in self._book.pending_feedback():
-            if feedback.kind != "correction":
+            if feedback.kind != "correction" or feedback.id in self._stopped:
                 continue  # an approval whose template was never made lacks nothing that somebody said
             remark = next((one for one in self._remarks if one.feedback == feedback.id), None)
             if not self._process(feedback, remark):
@@ -165,7 +167,16 @@ class Teaching:
     def _process(self, feedback: Feedback, remark: _Remark | None) -> bool:
         """Note a remark and read the note back; returns whether a model can be asked about other feedback."""
         for _ in range(READ_BACKS):
-            noted = self._processor.process(feedback, None if remark is None else self._circumstances(remark))
+            try:
+                noted = self._processor.process(feedback, None if remark is None else self._circumstances(remark))
+            except Stopped:
+                self._stopped.add(feedback.id)
+                later = "the next run with this skillbook, or `memo skillbook retry`, asks about it again"
+                self._problem(
+                    f"feedback {feedback.id} stays {feedback.status}",
+                    f"stop was pressed while a model read it; {later}",
+                )
+                raise
             if noted.outcome == "pending":
                 return not noted.away
             if remark is None:

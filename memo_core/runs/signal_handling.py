@@ -8,6 +8,7 @@ of a terminal that was closed ends the run with everything saved; a third Ctrl-C
 
 from __future__ import annotations
 
+import contextlib
 import os
 import queue
 import signal
@@ -15,7 +16,6 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from types import FrameType
 from typing import Any, Generic, TypeVar
 
@@ -186,7 +186,7 @@ class Supervisor:
             self._last_press = -1e9  # a person answered: the next press is a new stop, not a second one
         return verdict
 
-    @contextmanager
+    @contextlib.contextmanager
     def signals(self) -> Iterator[None]:
         """Handle signals in this block, also while the summary is written, which no signal may interrupt."""
         if threading.current_thread() is not threading.main_thread():
@@ -210,8 +210,11 @@ class Supervisor:
         ended_before = self.ending
         self.press()
         if ended_before and self.presses > 2:
-            os.write(sys.__stderr__.fileno() if sys.__stderr__ else 2, b"\nleft at once\n")
+            _say_from_handler("left at once")
             os._exit(130)
+        if not self.ending:
+            ends = "pauses the study" if self.attended else "ends the run"
+            _say_from_handler(f"stopped; Ctrl-C again within {SECOND_PRESS_S:g} seconds {ends}")
         self._leave_the_prompt()
 
     def _on_terminate(self, number: int, frame: FrameType | None) -> None:
@@ -222,3 +225,9 @@ class Supervisor:
         if self._asking:
             self._asking = False  # once is enough: a second signal must not strike outside of the prompt
             raise _PromptInterrupted
+
+
+def _say_from_handler(words: str) -> None:
+    """Write a line on the real stderr without its buffer, which the interrupted code may be writing to."""
+    with contextlib.suppress(OSError):  # nobody reads it any more
+        os.write(sys.__stderr__.fileno() if sys.__stderr__ else 2, f"\n{words}\n".encode())

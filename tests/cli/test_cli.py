@@ -147,7 +147,9 @@ def test_a_program_goes_on_when_its_reader_goes_away_and_is_judged_by_what_it_do
     finally:
         os.close(theirs)
     assert done.returncode == code
-    assert done.stderr.startswith(said) and done.stderr.count("\n") == bool(said)
+    verdict, *rest = done.stderr.splitlines()
+    assert verdict.startswith("memo: stack-the-cubes, seed 0: not done (")
+    assert len(rest) == bool(said) and "".join(rest).startswith(said)
 
 
 @pytest.mark.process
@@ -285,6 +287,23 @@ def test_code_that_is_refused_for_a_thousand_reasons_is_refused_in_one_short_lin
     assert run("exec", str(many), "--task", "stack-the-cubes") == 1
     [line] = capsys.readouterr().err.strip().splitlines()
     assert "not run: line 1" in line and "more" in line and len(line) < 2200
+
+
+@pytest.mark.sim
+def test_exec_prints_the_verdict_of_the_success_check_beside_the_output_of_the_code(tmp_path, capsys):
+    from memo_core.cli.options import load
+    from memo_core.runs.factories import task_of
+
+    task, code = "put-the-cube-away", tmp_path / "code.py"
+    code.write_text("print('hello')\n")
+    assert run("exec", str(code), "--task", task) == 0
+    told = capsys.readouterr()
+    assert (
+        told.out == "hello\n" and told.err.startswith(f"memo: {task}, seed 0: not done (") and told.err.count("\n") == 1
+    )
+    code.write_text(task_of(load(None, None, task)[1], task).reference_solution)
+    assert run("exec", str(code), "--task", task, "--seed", "1") == 0
+    assert capsys.readouterr().err.startswith(f"memo: {task}, seed 1: done (")
 
 
 @pytest.mark.process

@@ -114,6 +114,12 @@ def test_their_own_tests_pass(site):
     assert int(re.search(r"(\d+) passed", done.stdout)[1]) > 50
 
 
+def test_every_backend_is_to_be_checked_next():
+    for scaffold in SCAFFOLDS.values():
+        checked = f"memo plugins check {scaffold.backend_kind}/{{name}}" in scaffold.next
+        assert checked is bool(scaffold.backend_kind), scaffold.kind
+
+
 @pytest.mark.parametrize("kind", SCAFFOLDS)
 def test_the_commands_to_try_next_are_commands_with_these_options(kind, site, monkeypatch):
     monkeypatch.syspath_prepend(str(site))

@@ -12,6 +12,8 @@ import pytest
 import yaml
 
 from memo_core.cli.main import main
+from memo_core.config import ConfigErrors, load_experiment
+from memo_core.config.layers import FromOption
 from memo_core.config.schema import experiment_schema
 from memo_core.errors import BackendUnavailable
 from memo_core.interfaces.backend import Backend, Needs
@@ -58,6 +60,55 @@ def test_one_word_is_short_for_a_backend(tmp_path):
     assert load(None, "llm=hosted", "llm.model=m").choice("llm").settings.model == "m"
 
 
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        ("llm.temperature=2", FromOption('llm="hosted"', "--llm"), "llm.model=m"),
+        ("llm.model=m", "llm.temperature=2", "llm=hosted"),
+        ("llm.temperature=2", "llm.model=m", "llm.backend=hosted"),
+        ("llm={model: m, temperature: 2}", "llm=hosted"),
+        ("llm.temperature=2", "llm={backend: hosted, model: m}"),
+    ],
+)
+def test_an_option_that_names_a_backend_discards_no_other_option(overrides):
+    experiment = load(None, *overrides)
+    assert experiment.choice("llm").backend.name == "hosted"
+    assert attrs.asdict(experiment.choice("llm").settings) == {"model": "m", "temperature": 2.0, "token": ""}
+
+
+def test_the_last_option_that_names_a_backend_is_taken():
+    for overrides in (("llm.backend=hosted", "llm=local"), ("llm=hosted", "llm={backend: local}")):
+        assert load(None, *overrides).choice("llm").backend.name == "local"
+
+
+def test_an_option_that_the_backend_chosen_afterwards_does_not_know_is_an_error():
+    for first in ("llm.model=m", "llm={backend: hosted, model: m}"):
+        with pytest.raises(ConfigErrors, match=r"--set: llm\.model: unknown key"):
+            load(None, first, "llm=local")
+
+
+def test_a_key_of_a_value_without_keys_is_an_error_whatever_the_order():
+    for overrides in (
+        ("robot.driver.address=a", "robot.driver=franka"),
+        ("robot.driver=franka", "robot.driver.address=a"),
+    ):
+        with pytest.raises(ConfigErrors) as caught:
+            load_experiment(Registry(), None, overrides)
+        assert str(caught.value) == (
+            "--set: robot.driver.address: robot.driver is set to 'franka', which has no keys; "
+            "a backend is named beside its keys by robot.driver.backend=franka"
+        )
+
+
+def test_an_option_for_one_value_outlives_a_later_one_for_its_section():
+    from memo_core.runs.sections import SECTIONS
+
+    later = load_experiment(Registry(), None, ("retrieval.cut=0.9", "retrieval=paper"), SECTIONS)
+    sooner = load_experiment(Registry(), None, ("retrieval=paper", "retrieval.cut=0.9"), SECTIONS)
+    assert later.section("retrieval") == sooner.section("retrieval")
+    assert later.section("retrieval").cut == 0.9
+
+
 def test_without_a_file_the_plugins_defaults_are_taken():
     experiment = load()
     assert experiment.choice("llm").backend.name == "local"
@@ -92,8 +143,6 @@ def test_a_backend_whose_module_is_missing_says_what_brings_it():
         needs = Needs(modules={"no_such_module_x": "x-dist"})
         return [Backend("vectorstore", "x", "for tests", lambda settings: settings, needs=needs)]
 
-    from memo_core.config import load_experiment
-
     plugin = FakeEntryPoint("p", "d", memo_vector_stores=memo_vector_stores)
     with pytest.raises(BackendUnavailable, match="install x-dist"):
         load_experiment(Registry([plugin])).create("vectorstore")
@@ -123,8 +172,6 @@ def test_what_show_prints_is_an_experiment_again(tmp_path):
     ],
 )
 def test_the_schema_and_the_checks_agree(tmp_path, text, valid):
-    from memo_core.config import ConfigErrors
-
     schema = experiment_schema(registry(), {"budget": Budget})
     jsonschema.Draft202012Validator.check_schema(schema)
     assert jsonschema.Draft202012Validator(schema).is_valid(yaml.safe_load(text)) is valid
@@ -162,7 +209,6 @@ EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.yaml"))
 
 @pytest.mark.parametrize("file", EXAMPLES, ids=lambda file: file.stem)
 def test_every_example_is_in_order_and_its_task_exists(file, capsys):
-    from memo_core.config import load_experiment
     from memo_core.evaluation.sections import ALL_SECTIONS
     from memo_core.runs.factories import task_of
 

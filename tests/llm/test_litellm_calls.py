@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Iterator
 
+import attrs
 import pytest
 from memo_llm.litellm.model import LiteLLMModel
 from memo_llm.settings import LiteLLMSettings
@@ -95,12 +96,19 @@ def test_a_stream_that_nobody_counts_is_counted_here():
         assert usage.prompt_tokens > 0 and usage.completion_tokens > 0
 
 
-def test_a_server_that_cannot_stream_is_asked_without_from_then_on():
-    with Wire([Reply("whole", streams=False)]) as wire:
+def test_a_whole_answer_of_a_server_that_cannot_stream_is_taken_and_asked_for_from_then_on():
+    with Wire([Reply("whole", streams=False, finish="length", cached=1)]) as wire:
         model = model_at(wire)
-        answers = [model.answer(user("hi"), on_text=lambda piece: None).text for _ in range(2)]
-        assert answers == ["whole", "whole"]
-        assert [bool(asked.body.get("stream")) for asked in wire.asked] == [True, False, False]
+        answers = [model.answer(user("hi"), on_text=lambda piece: None) for _ in range(2)]
+        assert [bool(asked.body.get("stream")) for asked in wire.asked] == [True, False]
+    first, second = (attrs.evolve(one, usage=attrs.evolve(one.usage, latency_s=0.0)) for one in answers)
+    assert first == second and (first.text, first.finish, first.usage.cached_tokens) == ("whole", "length", 1)
+
+
+def test_a_whole_answer_that_is_too_long_to_be_recorded_is_asked_for_again():
+    with Wire([Reply("word " * 5000, streams=False)]) as wire:
+        assert model_at(wire).answer(user("hi"), on_text=lambda piece: None).text == "word " * 5000
+        assert [bool(asked.body.get("stream")) for asked in wire.asked] == [True, False]
 
 
 def test_pictures_are_sent_inline(served):

@@ -9,6 +9,7 @@ import pytest
 
 from memo_core.cli.main import main
 from memo_core.interfaces.llm import Message, Request
+from memo_core.policy.example_questions import SCENE
 from tests.support.fake_openai_server import Asked, Reply, Wire, error
 from tests.support.offline_prompts import MODEL
 
@@ -96,6 +97,17 @@ def test_the_offline_backend_answers_all_questions_for_nothing_and_unasked(capsy
     assert "7 questions to offline, free" in told.err
 
 
+@pytest.mark.wire
+def test_the_correction_of_the_example_names_what_it_measures_from_and_keeps_the_fingers_above_the_table(capsys):
+    _, _, _, wire = checked(sensible, capsys)
+    corrected = [text for asked in wire.asked for text in asked.texts if "2 cm" in text]
+    assert len(corrected) >= 4, "code twice, feedback, cluster"
+    for text in corrected:
+        assert text.count("2 cm below its middle") == text.count("2 cm")
+    brick = next(node for node in SCENE.nodes if node.label == "brick")
+    assert brick.pose.position[2] - 0.02 > 0.03 and brick.pose.position[2] == brick.size[2] / 2
+
+
 # -- servers that do not -----------------------------------------------------------------------------------------------
 @pytest.mark.wire
 def test_a_refused_key_is_one_line_and_no_other_question_is_asked(capsys):
@@ -123,8 +135,9 @@ def test_a_server_that_refuses_schemas_can_be_used_and_that_is_said(capsys):
 
 @pytest.mark.wire
 def test_a_server_that_cannot_stream_can_be_used_and_that_is_said(capsys):
-    code, shown, _, _ = checked(lambda asked: sensible(asked, streams=False), capsys)
+    code, shown, err, wire = checked(lambda asked: sensible(asked, streams=False), capsys)
     assert code == 0 and states(shown)["streaming"] == "no"
+    assert "7 questions to openai/x" in err and len(wire.asked) == 7
     assert all(one["first_text_s"] is None for one in shown["asked"])
 
 

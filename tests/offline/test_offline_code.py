@@ -9,14 +9,16 @@ import time
 
 import numpy as np
 import pytest
-from memo_offline.imagination import Imagination
+from memo_offline.imagination import Imagination, hand_over
 from memo_offline.templates import imagine
 
+from memo_core.sandbox.sandbox import Sandbox
 from memo_core.scene.graph import Observation
 from memo_core.scene.pose import Pose
 from tests.support.offline_prompts import (
     ARC,
     MODEL,
+    SKILLS,
     Entry,
     box_with_door,
     held_poses,
@@ -347,3 +349,13 @@ def test_closing_ends_what_is_being_imagined():
     imagination.close()
     imagining.join(40)
     assert len(imagined_commands) == 1
+
+
+@pytest.mark.process
+def test_a_grasp_of_nothing_is_told_in_millimetres_that_people_read():
+    graph = scene(thing("brick"))
+    hand = hand_over(graph)
+    hand.holding, hand.gripper_width = lambda: False, lambda: 3.1302913391115453e-12
+    with Sandbox(SKILLS) as sandbox:
+        printed = sandbox.run(write(graph, "PICK_UP(brick)")[0], hand, stopped=lambda: False).printed
+    assert printed == "nothing is held: the fingers are 0.0 mm apart\n"

@@ -365,6 +365,24 @@ def test_after_a_stop_without_words_the_subtask_begins_again(sandbox, book):
     assert (subtask.status, subtask.attempts, subtask.interrupted) == ("approved", 1, 1)
 
 
+@pytest.mark.parametrize("verdicts", [[NO, Verdict("silent"), YES], [NO, Verdict("correct", "and slower"), YES]])
+def test_feedback_whose_reading_was_stopped_is_asked_about_by_the_next_run_only(sandbox, book, verdicts):
+    bench = stopping_bench(sandbox, book, "feedback", list(verdicts))
+    result = bench.run()
+    assert result.finished and result.subtasks[-1].status == "approved"
+    assert len(bench.episodes) == 3, "the person was asked after the stop"
+    assert [feedback.words for feedback in book.pending_feedback()] == [SAID]
+    assert (
+        sum(SAID.strip() in prompt.split("## What the person said")[-1] for prompt in bench.llm.prompts("feedback"))
+        == 0
+    )
+    [said] = [one for one in bench.of(Problem) if "stays pending" in one.where]
+    assert "the next run with this skillbook" in said.message and "memo skillbook retry" in said.message
+    again = Bench(sandbox, book, {"plan": ["PICK_UP(red cube)", "DONE"], "code": [GRASP], "feedback": [NOTES]}, [YES])
+    again.run()
+    assert not book.pending_feedback() and len(again.llm.prompts("feedback")) == 1
+
+
 def test_an_answer_that_comes_after_a_stop_is_counted_as_cost(sandbox, book):
     bench = stopping_bench(sandbox, book, "code", [Verdict("silent"), YES])
     bench.run()

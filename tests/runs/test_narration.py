@@ -7,7 +7,7 @@ import io
 from rich.console import Console
 
 from memo_core.cli.narration import Narrator
-from memo_core.events import CodeWritten, RunEnded
+from memo_core.events import CodeWritten, EntryServed, Retrieved, RunEnded
 from memo_core.skillbook.model.entries import headline
 
 TEMPLATE = (
@@ -24,6 +24,17 @@ def test_no_line_of_code_is_cut_off_at_the_edge():
             CodeWritten(subtask="OPEN(door)", attempt=1, code=line)
         )
         assert "flat sides" in shown.getvalue() and shown.getvalue().count("flat sides") == 5
+
+
+def test_no_retrieved_entry_is_cut_off_at_the_edge():
+    key, text = "PUT_ON(block from the long shelf, the large green kitchen mat)", "Grasp it from above, then lift it."
+    shown = io.StringIO()
+    Narrator(Console(file=shown, width=80, no_color=True, highlight=False))(
+        Retrieved("PUT_ON(block, mat)", (EntryServed(1, "correction", key, text, 0.91, 0.92, 0.93),))
+    )
+    assert "…" not in shown.getvalue()
+    for word in f"{key} {text} 0.91 0.92 0.93 correction".split():
+        assert word in shown.getvalue()
 
 
 def test_code_is_folded_where_it_is_not_asked_for_and_never_streamed():

@@ -284,7 +284,8 @@ def test_a_third_ctrl_c_leaves_at_once_and_leaves_nothing_in_the_temporary_direc
             assert process.stdout.readline() == said
             process.send_signal(signal.SIGINT)
         errors = process.stderr.read()
-        assert process.wait(30) == 130 and errors == "\nleft at once\n"
+        hint = "stopped; Ctrl-C again within 2 seconds ends the run"
+        assert process.wait(30) == 130 and errors == f"\n{hint}\n\nleft at once\n"
     finally:
         process.kill()
         process.stdout.close()

@@ -350,9 +350,8 @@ def _steps(recipe: Recipe, around: Surroundings, sheet: Sheet) -> None:
         elif step == "look":
             sheet.add("look()")
     if recipe.kind == "pick":
-        sheet.add(
-            "if not is_holding():", '    print("nothing is held: the fingers are", get_gripper_width(), "m apart")'
-        )
+        apart = "round(1000 * get_gripper_width(), 1)"
+        sheet.add("if not is_holding():", f'    print("nothing is held: the fingers are", {apart}, "mm apart")')
 
 
 def _first_move(recipe: Recipe, sheet: Sheet, has_out: bool, speed: str) -> None:

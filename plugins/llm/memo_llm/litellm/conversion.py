@@ -96,6 +96,20 @@ def read_whole(response: Any, spoken: Spoken) -> None:
     spoken.model = response.model or ""
 
 
+def read_body(body: bytes, spoken: Spoken) -> bool:
+    """A whole answer of OpenAI's protocol that came in place of a stream. Returns whether ``body`` is one: it may have
+    been recorded in part, or belong to another protocol."""
+    from litellm import ModelResponse
+    from litellm.utils import convert_to_model_response_object
+
+    try:
+        given = json.loads(body)
+        read_whole(convert_to_model_response_object(given, ModelResponse()), spoken)
+    except Exception:  # litellm raises a plain Exception for what it cannot convert
+        return False
+    return True
+
+
 def _refusal(said: Any) -> str:
     kept = getattr(said, "provider_specific_fields", None) or {}
     return getattr(said, "refusal", None) or kept.get("refusal") or ""

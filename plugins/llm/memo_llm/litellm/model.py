@@ -24,7 +24,15 @@ from memo_core.plugin import (
 )
 from memo_llm.litellm.call_errors import problem_of
 from memo_llm.litellm.connection import Line
-from memo_llm.litellm.conversion import Spoken, ending_note, messages_of, read_stream, read_whole, response_format
+from memo_llm.litellm.conversion import (
+    Spoken,
+    ending_note,
+    messages_of,
+    read_body,
+    read_stream,
+    read_whole,
+    response_format,
+)
 from memo_llm.litellm.library import quiet_litellm, warm_up
 from memo_llm.litellm.server_errors import counts_tokens, end_reason, error_in, refusal_in
 from memo_llm.settings import LiteLLMSettings
@@ -232,8 +240,10 @@ class LiteLLMModel(LanguageModel):
             problem = self._ask(request, manner, line, spoken, on_piece)
             as_json = line.status == 200 and "json" in line.headers.get("content-type", "")
             if manner.stream and as_json and not spoken.words and error_in(line.begins) is None:
-                self._refused.add("stream")  # it answered, but not as a stream: what it said is lost
-                return self._put(request, line, spoken, None, started)
+                self._refused.add("stream")  # it answered, but not as a stream
+                if not read_body(line.begins, spoken):
+                    return self._put(request, line, spoken, None, started)
+                problem = None
             if problem is None:
                 self._refused |= {
                     what for what in ("schema", "count") if getattr(manners[0], what) > getattr(manner, what)
