@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import re
 import shlex
 import shutil
 import subprocess
@@ -144,10 +145,14 @@ def test_without_a_checkout_a_missing_backend_names_its_distribution(from_wheels
     assert command("memo-sim-pybullet") in str(caught.value)
 
 
-def test_what_the_demo_needs_is_named_first(from_wheels):
+@pytest.mark.parametrize(
+    ("kind", "distribution"),
+    [("simulator", "memo-sim-mujoco"), ("suite", "memo-tabletop"), ("llm", "memo-offline"), ("robot", "memo-franka")],
+)
+def test_the_plugin_of_the_default_is_named(kind, distribution, from_wheels):
     with pytest.raises(NoDefaultBackend) as caught:
-        from_wheels.default("simulator")
-    assert command("memo-sim-mujoco") in str(caught.value)
+        from_wheels.default(kind)
+    assert command(distribution) in str(caught.value)
 
 
 def test_a_command_of_a_plugin_that_is_not_installed_names_it(from_wheels, monkeypatch):
@@ -177,4 +182,6 @@ def test_a_wheel_that_was_installed_by_its_path_is_no_checkout(monkeypatch, tmp_
 def test_the_extra_demo_is_what_make_demo_installs():
     listed = (ROOT / "Makefile").read_text(encoding="utf-8").partition("DEMO_PLUGINS := $(addprefix plugins/,")[2]
     folders = listed.partition(")")[0].split()
-    assert {about(ROOT / "plugins" / folder)["name"] for folder in folders} == set(not_installed.demo_plugins())
+    extra = " ".join(about(ROOT)["optional-dependencies"]["demo"])
+    named = set(re.findall(r"(memo-[a-z-]+)>", extra))
+    assert {about(ROOT / "plugins" / folder)["name"] for folder in folders} == named

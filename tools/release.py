@@ -34,7 +34,7 @@ memo demo --replay
 ```
 
 More plugins are added by the same command with their names in place of `memo-core[demo]`, such as
-`memo-web=={version}`; `memo doctor` prints it for what is missing.
+`memo-sim-pybullet=={version}`; `memo doctor` prints it for what is missing.
 
 To install everything and have the hash of each file checked, choose a build of PyTorch first:
 

@@ -111,11 +111,9 @@ def _backends(registry: Registry) -> Iterator[Finding]:
     from memo_core.plugins.registry import missing_needs
 
     for kind in KINDS:
-        offering = registry.offering(kind)
-        if not registry.backends(kind) and kind != "skills":
-            remedy = offering[0].command if offering else f"install a plugin that offers a {kind}"
-            yield Finding(kind, "missing", "no plugin that offers one is installed", remedy, "kind")
-        for one in offering:
+        if kind != "skills":
+            yield from _absent(registry, kind)
+        for one in registry.offering(kind):
             for name in (name for of, name in one.offers if of == kind):
                 yield Finding(f"{kind} {name}", "optional", "not installed", one.command, "uninstalled")
         for backend in registry.backends(kind):
@@ -125,6 +123,19 @@ def _backends(registry: Registry) -> Iterator[Finding]:
             # Only who selects a backend needs its keys, and one of several providers' keys is enough.
             for lacking in missing_needs(Needs(keys=backend.needs.secrets)):
                 yield Finding(f"{kind} {backend.name}", "optional", f"no {lacking.what}", lacking.remedy, "key")
+
+
+def _absent(registry: Registry, kind: str) -> Iterator[Finding]:
+    from memo_core.plugins.registry import NoDefaultBackend
+
+    try:
+        registry.default(kind)
+    except NoDefaultBackend as error:
+        if not error.candidates:
+            remedy = error.remedy or f"install a plugin that offers a {kind}"
+            yield Finding(kind, "missing", error.reason, remedy, "kind")
+    except MemoError:
+        return  # two declare the same name, which is found with the plugins
 
 
 def _extras() -> Iterator[Finding]:

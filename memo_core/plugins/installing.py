@@ -61,13 +61,26 @@ def install(wanted: str, module: str = "") -> str:
     """
     name, extra, _ = _parts(wanted)
     if (folder := folder_of(name)) is not None:
-        return pip_install("-e", f"{folder}{extra}")
+        return install_folder(folder, extra)
     if name in released() and (extra or not _with_requirements(name)):
         return install_released(name, extra)
     if _with_requirements(name) and not extra:
         return reinstall(name, module)
     requirement = _requirement(name)
     return pip_install(requirement) if requirement else f"install {wanted}"
+
+
+def install_folder(folder: Path, extra: str = "") -> str:
+    """The command that installs a distribution from its source folder, and in the checkout with its pinned versions.
+
+    Args:
+        folder: where its ``pyproject.toml`` lies.
+        extra: an extra of it in brackets, or nothing.
+    """
+    checkout = folder_of("memo-core")
+    constraints = checkout / "constraints.txt" if checkout and folder.is_relative_to(checkout) else None
+    pinned = ["--constraint", str(constraints)] if constraints and constraints.is_file() else []
+    return pip_install("-e", f"{folder}{extra}", *pinned)
 
 
 def install_released(distribution: str, extra: str = "") -> str:
@@ -86,7 +99,7 @@ def install_released(distribution: str, extra: str = "") -> str:
 @functools.cache
 def released() -> dict[str, list[str]]:
     """Read from ``offers.toml``, written by ``python tools/tables.py``, the backends (by kind and name) and commands of
-    each plugin of MEMO, such as ``robot panda``, ``command web``. The core is there too, with nothing."""
+    each plugin of MEMO, such as ``robot panda default``, ``command web``. The core is there too, with nothing."""
     text = resources.files(__package__).joinpath("offers.toml").read_text(encoding="utf-8")
     return {"memo-core": [], **tomllib.loads(text)}
 

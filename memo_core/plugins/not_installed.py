@@ -1,14 +1,13 @@
 """MEMO's own plugins that are not installed, so that an error can say what to install.
 
 A plugin declares in its ``pyproject.toml``, under ``[tool.memo]``, what it offers (``offers = ["robot my-arm"]``, kind
-and name), and its commands as entry points. In a checkout these files are read; an installation from wheels has them in
-``offers.toml``, which ``python tools/tables.py`` writes. A plugin that is not installed is never imported.
+and name, then ``default`` where the backend is declared as that), and its commands as entry points. In a checkout these
+files are read; an installation from wheels has them in ``offers.toml``, which ``python tools/tables.py`` writes. A
+plugin that is not installed is never imported.
 """
 
 from __future__ import annotations
 
-import importlib.metadata
-import re
 import tomllib
 from collections.abc import Collection
 from pathlib import Path
@@ -17,23 +16,25 @@ from typing import Any
 import attrs
 
 from memo_core.errors import MemoError
-from memo_core.plugins.installing import folder_of, install_released, pip_install, released
+from memo_core.plugins.installing import folder_of, install_folder, install_released, released
 
 COMMAND = "command"
 
 
 @attrs.frozen
 class Uninstalled:
-    """A distribution, the (kind, name) of the backends and commands that it offers, and its folder in the checkout."""
+    """A distribution, the (kind, name) of the backends and commands that it offers, the kinds of which one is a
+    default, and its folder in the checkout."""
 
     distribution: str
     offers: tuple[tuple[str, str], ...]
+    defaults: frozenset[str]
     folder: Path | None = None
 
     @property
     def command(self) -> str:
         """The command that installs it."""
-        return pip_install("-e", str(self.folder)) if self.folder else install_released(self.distribution)
+        return install_folder(self.folder) if self.folder else install_released(self.distribution)
 
 
 @attrs.define(auto_exc=True, eq=False)
@@ -71,15 +72,8 @@ def offering_command(name: str) -> Uninstalled | None:
     return next((one for one in _offered() if (COMMAND, name) in one.offers), None)
 
 
-def demo_plugins() -> tuple[str, ...]:
-    """The plugins of the extra ``demo``: one for each kind that a run needs."""
-    stated = importlib.metadata.requires("memo-core") or ()
-    found = (re.match(r"memo-[a-z-]+", text) for text in stated if re.search(r"extra == .demo.", text))
-    return tuple(match[0] for match in found if match and match[0] != "memo-core")
-
-
 def offers_of(project: dict[str, Any]) -> tuple[str, ...]:
-    """List what a ``pyproject.toml`` offers: backends and commands, such as ``robot panda``, ``command web``.
+    """List what a ``pyproject.toml`` offers: backends and commands, such as ``robot panda default``.
 
     Raises:
         KeyError, TypeError, AttributeError: if it declares nothing, or in another form.
@@ -93,17 +87,18 @@ def _offered(root: Path | None = None) -> list[Uninstalled]:
     root = root or folder_of("memo-core")
     files = [*sorted(root.glob("plugins/*/pyproject.toml")), *root.glob("benchmarks/pyproject.toml")] if root else []
     if not files:
-        return [Uninstalled(name, _pairs(offers)) for name, offers in released().items()]
+        return [_plugin(name, offers) for name, offers in released().items()]
     found = []
     for file in files:
         try:
             project = tomllib.loads(file.read_text(encoding="utf-8"))
-            offers = _pairs(offers_of(project))
-            found.append(Uninstalled(str(project["project"]["name"]), offers, file.parent))
+            found.append(_plugin(str(project["project"]["name"]), offers_of(project), file.parent))
         except (OSError, KeyError, TypeError, ValueError, AttributeError):
             continue
     return found
 
 
-def _pairs(offers: Collection[str]) -> tuple[tuple[str, str], ...]:
-    return tuple((kind, name) for kind, name in (one.split() for one in offers))
+def _plugin(distribution: str, offers: Collection[str], folder: Path | None = None) -> Uninstalled:
+    stated = [one.split() for one in offers]
+    defaults = frozenset(kind for kind, _, *more in stated if more == ["default"])
+    return Uninstalled(distribution, tuple((kind, name) for kind, name, *_ in stated), defaults, folder)

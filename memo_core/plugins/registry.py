@@ -22,7 +22,7 @@ from memo_core.plugins import hooks
 from memo_core.plugins.entry_points import installed
 from memo_core.plugins.installing import damage, install
 from memo_core.plugins.loading import GROUP, EntryPoint, Plugin, load_plugin, one_line, plugin_manager
-from memo_core.plugins.not_installed import Uninstalled, demo_plugins, uninstalled
+from memo_core.plugins.not_installed import Uninstalled, uninstalled
 
 SLOW_LISTENER_S = 1.0  # a listener that takes longer than this over one event is reported
 
@@ -76,18 +76,27 @@ class AmbiguousBackend(MemoError):
 
 @attrs.define(auto_exc=True, eq=False)
 class NoDefaultBackend(MemoError):
-    """A config names no backend of a kind, and there is no unique default among the installed ones. ``remedy``: the
-    command that installs one."""
+    """A config names no backend of a kind, and there is no unique default among the installed ones. ``own_world``: the
+    installed ones that work with scenes of their own only; ``remedy``: the command that installs another."""
 
     kind: str
     candidates: tuple[str, ...]
-    remedy: str = "memo plugins list"
+    own_world: tuple[str, ...] = ()
+    remedy: str = ""
 
     exit_code = 2
 
+    @property
+    def reason(self) -> str:
+        """The fault without its remedy, where there is no candidate."""
+        if self.own_world:
+            named = " and ".join(map(repr, self.own_world))
+            return f"only {named} is installed, which works with scenes of its own only"
+        return "no plugin that offers one is installed"
+
     def __str__(self) -> str:
         if not self.candidates:
-            return f"{self.kind}: no plugin that offers one is installed ({self.remedy})"
+            return f"{self.kind}: {self.reason} ({self.remedy or 'memo plugins list'})"
         return f"{self.kind}: choose one with `{self.kind}: {{backend: …}}` (available: {', '.join(self.candidates)})"
 
 
@@ -180,9 +189,9 @@ class Registry:
         return uninstalled({plugin.distribution for plugin in self.plugins})
 
     def offering(self, kind: str) -> tuple[Uninstalled, ...]:
-        """The plugins of MEMO that offer a backend of a kind and are not installed, those of the demo first."""
+        """The plugins of MEMO that offer a backend of a kind and are not installed, that of the default first."""
         found = [one for one in self.uninstalled() if any(kind == offered for offered, _ in one.offers)]
-        return tuple(sorted(found, key=lambda one: one.distribution not in demo_plugins()))
+        return tuple(sorted(found, key=lambda one: kind not in one.defaults))
 
     def default(self, kind: str) -> Backend:
         """The backend used when an experiment names none.
@@ -198,7 +207,8 @@ class Registry:
             NoDefaultBackend: if no backend, or more than one, qualifies.
             AmbiguousBackend: instead, if two plugins declare the same name of this kind, which might be the default.
         """
-        candidates = tuple(backend for backend in self.backends(kind) if not backend.own_world)
+        available = self.backends(kind)
+        candidates = tuple(backend for backend in available if not backend.own_world)
         contested = self._contested(kind)
         only = len(candidates) == 1 and not contested
         chosen = candidates if only else tuple(backend for backend in candidates if backend.default)
@@ -210,7 +220,8 @@ class Registry:
             raise AmbiguousBackend(kind, name, _distributions(self._declared[(kind, name)]))
         names = tuple(b.name for b in chosen or candidates)
         offering = () if names else self.offering(kind)
-        raise NoDefaultBackend(kind, names, *(f"{one.command}; memo doctor" for one in offering[:1]))
+        own_world = tuple(b.name for b in available if b.own_world)
+        raise NoDefaultBackend(kind, names, own_world, offering[0].command if offering else "")
 
     def _contested(self, kind: str) -> list[tuple[Plugin, Backend]]:
         return [owner for key in self.ambiguous if key[0] == kind for owner in self._declared[key]]

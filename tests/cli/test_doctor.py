@@ -16,10 +16,13 @@ import pytest
 from memo_core.cli import doctor
 from memo_core.cli.faults import FAULTS
 from memo_core.interfaces.backend import Backend, Needs
+from memo_core.plugins import installing, not_installed
 from memo_core.plugins.hooks import hookimpl
-from memo_core.plugins.registry import Registry
+from memo_core.plugins.registry import NoDefaultBackend, Registry
 from memo_core.sandbox.sandbox import Sandbox
 from memo_core.testing.fake_entry_point import FakeEntryPoint
+
+ROOT = Path(__file__).parents[2]
 
 
 def plugin(name: str, **changes: Any) -> FakeEntryPoint:
@@ -110,6 +113,43 @@ def test_every_fault_of_the_page_is_provoked_here_and_no_other_can_be_reported()
     assert {*PROVOKED, *OPENED, "pictures"} == set(FAULTS)
     with pytest.raises(ValueError):
         doctor.Finding("tea", "missing", fault="cold")
+
+
+@pytest.fixture
+def checkout(monkeypatch: pytest.MonkeyPatch) -> None:
+    """MEMO as installed from this checkout, wherever the environment that runs the tests has it from."""
+    for module in (installing, not_installed):
+        monkeypatch.setattr(module, "folder_of", lambda distribution: ROOT)
+
+
+def missing(plugins: list[FakeEntryPoint], kind: str) -> doctor.Finding:
+    found = doctor.examine(Registry(plugins), quick=True)
+    [one] = [finding for finding in found if finding.what == kind and finding.fault == "kind"]
+    return one
+
+
+@pytest.mark.parametrize(
+    ("kind", "folder"),
+    [("simulator", "sim_mujoco"), ("suite", "tabletop"), ("llm", "offline"), ("embedder", "embedder")],
+)
+def test_what_is_missing_is_installed_by_the_plugin_of_the_default_in_pinned_versions(kind, folder, checkout):
+    pinned = f"install -e {ROOT / 'plugins' / folder} --constraint {ROOT / 'constraints.txt'}"
+    assert missing([], kind).remedy.endswith(pinned)
+
+
+def test_a_simulator_with_scenes_of_its_own_only_is_named_beside_what_is_missing(checkout):
+    backend = Backend("simulator", "libero", "builds its own scenes", lambda settings: settings, own_world=True)
+
+    @hookimpl
+    def memo_simulators():
+        return [backend]
+
+    own = [FakeEntryPoint("own", "memo-libero", memo_simulators=memo_simulators)]
+    found = missing(own, "simulator")
+    assert "only 'libero' is installed" in found.detail and "scenes of its own only" in found.detail
+    assert "plugins/sim_mujoco" in found.remedy
+    with pytest.raises(NoDefaultBackend, match=r"only 'libero' is installed.*sim_mujoco"):
+        Registry(own).default("simulator")
 
 
 def test_what_is_not_ok_names_its_fault():

@@ -74,7 +74,9 @@ def test_every_plugin_of_the_checkout_says_what_it_offers():
     registry = Registry()
     offered: dict[str, set[str]] = {}
     for plugin in registry.plugins:
-        offered.setdefault(plugin.distribution, set()).update(f"{b.kind} {b.name}" for b in plugin.backends)
+        offered.setdefault(plugin.distribution, set()).update(
+            f"{b.kind} {b.name}" + " default" * b.default for b in plugin.backends
+        )
     for file in (ROOT / "plugins").glob("*/pyproject.toml"):
         project = tomllib.loads(file.read_text())
         offers = project.get("tool", {}).get("memo", {}).get("offers", [])

@@ -13,7 +13,8 @@ from pathlib import Path
 import pytest
 
 from memo_core.interfaces.backend import Needs
-from memo_core.plugins.installing import damage, install, pip_install, reinstall
+from memo_core.plugins import installing
+from memo_core.plugins.installing import damage, install, install_folder, pip_install, reinstall
 from memo_core.plugins.registry import missing_needs
 
 CORE = ("arm_sim/__init__.py", "arm_sim/_native.so", "arm_sim/tests/__init__.py", "arm_sim/readme.txt")
@@ -80,9 +81,12 @@ def test_versions_are_those_that_an_installed_plugin_asks_for(monkeypatch):
     assert install("sqlalchemy") == reinstall("sqlalchemy", "sqlalchemy") == pip_install(asked)
 
 
-def test_an_extra_of_a_checkout_is_installed_from_its_folder():
+def test_an_extra_of_a_checkout_is_installed_from_its_folder_in_pinned_versions(monkeypatch, tmp_path):
     root = Path(__file__).parents[2]
-    assert shlex.split(install("memo-core[arm]"))[-2:] == ["-e", f"{root}[arm]"]
+    monkeypatch.setattr(installing, "folder_of", lambda distribution: root)
+    told = shlex.split(install("memo-core[arm]"))
+    assert told[-4:] == ["-e", f"{root}[arm]", "--constraint", str(root / "constraints.txt")]
+    assert shlex.split(install_folder(tmp_path))[-2:] == ["-e", str(tmp_path)], "not of the checkout"
 
 
 @pytest.mark.process
