@@ -12,6 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from memo_core.errors import InvalidArgument
+from memo_core.plugins.installing import install
+
+_EXTRA = "memo-core[xacro]"
 
 
 def is_xacro(path: Path, text: str) -> bool:
@@ -27,7 +30,7 @@ def expand_xacro(path: Path, arguments: Mapping[str, str], folders: Sequence[Pat
     except ModuleNotFoundError:
         plain = path.name.removesuffix(".xacro").removesuffix(".urdf") + ".urdf"
         problem = f"{path} is xacro; expand it first: xacro {path.name} > {plain}"
-        right = "a URDF file, or what memo expands it with: pip install 'memo-core[xacro]'"
+        right = f"a URDF file, or what memo expands it with: {install(_EXTRA)}"
         raise InvalidArgument("--urdf", problem, right) from None
     document = _expanded(xacro, path, dict(arguments), [path.resolve().parent, *folders])
     if not document.getElementsByTagName("link"):
@@ -46,7 +49,7 @@ def _expanded(xacro: Any, path: Path, arguments: dict[str, str], folders: Sequen
         except Exception as error:  # xacro raises what the evaluated expressions raise
             if packages is None and "ament_index_python" in str(error):
                 problem = f"{path} names ROS packages, which xacro alone finds in a sourced ROS workspace only"
-                right = "pip install 'memo-core[xacro]', which looks near the file"
+                right = f"{install(_EXTRA)}, which looks near the file"
                 raise InvalidArgument("--urdf", problem, right) from None
             name = _missing_package(error)
             if name is None:
