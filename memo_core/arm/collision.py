@@ -161,13 +161,18 @@ def _check_meshes(urdf: Urdf) -> None:
 
 
 def _convex(geometry: Any) -> Any:
-    """A mesh as its convex hull, which is what the simulators collide, too. coal knows no negative margins for meshes,
-    and it crashes on the hull of points in one plane, so that a flat mesh gets ``_THIN`` m of thickness."""
+    """A mesh as its convex hull, which is what the simulators collide, too. coal knows no negative margins for
+    meshes."""
     import coal
 
-    if not isinstance(geometry, coal.BVHModelBase):
-        return geometry
-    points = np.asarray(geometry.vertices())
+    return convex_hull(np.asarray(geometry.vertices())) if isinstance(geometry, coal.BVHModelBase) else geometry
+
+
+def convex_hull(points: Array) -> Any:
+    """coal's convex hull of points (k, 3). It crashes on points in one plane, so that those get ``_THIN`` m of
+    thickness."""
+    import coal
+
     _, extents, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
     for axis, extent in zip(axes, extents, strict=True):
         if extent < _FLAT:

@@ -16,6 +16,7 @@ import numpy as np
 from memo_core.arm.collision import RobotShape
 from memo_core.arm.finger_zero import NEARLY_SHUT, counted_from_shut, finger_slides, fixed_to
 from memo_core.arm.home_and_gains import Guess, with_contact_force, with_gains, with_home, with_reach
+from memo_core.arm.inertias import with_guessed_masses, with_possible_inertias
 from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.errors import InvalidArgument
 from memo_core.robot.arm_and_fingers import arm_and_fingers, without_gripper
@@ -56,7 +57,11 @@ class Described:
 
 
 def describe_urdf(
-    text: str, name: str | None = None, mesh_folder: str | None = None, plain_hand: bool = False
+    text: str,
+    name: str | None = None,
+    mesh_folder: str | None = None,
+    plain_hand: bool = False,
+    total_mass: float | None = None,
 ) -> Described:
     """Describe an arm with a parallel gripper, or a bare arm, which then gets ``ParallelHand``.
 
@@ -65,6 +70,8 @@ def describe_urdf(
         name: name of the robot; None: the URDF's.
         mesh_folder: folder below which mesh files are looked up; None: paths are used as they stand.
         plain_hand: replace the URDF's gripper by ``ParallelHand``.
+        total_mass: mass of the URDF's links together, kg, where it states no or not all masses; None: they are as
+            stated.
 
     Returns:
         The description, the facts taken from the URDF, and the guesses with their reasons.
@@ -87,6 +94,10 @@ def describe_urdf(
         guesses.append(Guess("joints held still", ", ".join(names), "neither the arm's nor fingers: fixed at 0"))
     chain, fingers = found.arm, found.fingers
     check_units(text, urdf, [joint.name for joint in fingers])
+    text = with_possible_inertias(text, urdf, guesses)
+    if total_mass is not None:
+        text = with_guessed_masses(text, urdf, total_mass, guesses)
+    urdf = read_urdf(text, mesh_folder)
     read = [f"{len(chain)} joints: {', '.join(joint.name for joint in chain)}"]
     if fingers:
         read.append(f"fingers: {', '.join(joint.name for joint in fingers)}")
@@ -96,7 +107,7 @@ def describe_urdf(
         fingers = arm_and_fingers(urdf).fingers
     light = [joint.child for joint in urdf.joints if joint.kind != "fixed" and urdf.links[joint.child].mass <= 0]
     if light:
-        read.append(f"moving links without mass, each needs an <inertial>: {', '.join(light)}")
+        read.append(f"moving links without mass, each needs an <inertial> or --total-mass KG: {', '.join(light)}")
     joints = tuple(_joint(joint, guesses) for joint in chain)
     label = name or urdf.name
     text, urdf, fingers = _with_fingers_shut_at_zero(text, mesh_folder, urdf, joints, fingers, guesses)
@@ -393,8 +404,10 @@ def _source(robot: RobotDescription, why: dict[str, str]) -> str:
         reasons = [why[field] for field in fields if field in why]
         return f"  # guessed: {'; '.join(dict.fromkeys(reasons))}" if reasons else ""
 
-    lines = ["RobotDescription(", f"    name={robot.name!r},", "    urdf=URDF,", "    mesh_folder=MESH_FOLDER,"]
+    changed = [what for what in why if what.endswith(".inertia")]
+    lines = ["RobotDescription(", f"    name={robot.name!r},", f"    urdf=URDF,{note('inertials', *changed)}"]
     lines += [
+        "    mesh_folder=MESH_FOLDER,",
         "    # guessed: acceleration (rad/s2), jerk (rad/s3), kp (Nm/rad), kv (Nm s/rad), armature (kg m2)",
         "    joints=(",
     ]

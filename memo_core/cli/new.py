@@ -58,15 +58,19 @@ def robot(
     plain_hand: Annotated[
         bool, typer.Option("--plain-hand", help="Put a plain parallel hand in the place of its gripper.")
     ] = False,
+    total_mass: Annotated[
+        float | None,
+        typer.Option(help="Mass of the whole arm: guesses the inertials that its URDF lacks, by volume.", metavar="KG"),
+    ] = None,
     json: Json = False,
 ) -> None:
-    if urdf is None and (arguments or mesh_folder):
-        given = "--mesh-folder" if mesh_folder else (arguments or [""])[0]
+    if urdf is None and (arguments or mesh_folder or total_mass is not None):
+        given = "--mesh-folder" if mesh_folder else (arguments or ["--total-mass"])[0]
         raise InvalidArgument(given, "says more about a URDF, and there is none", "--urdf FILE")
     source = None
     if urdf is not None:
         values = dict(map(_key_and_value, arguments or ()))
-        source = RobotSource(urdf, values, tuple(mesh_folder or ()), skip_missing_meshes, plain_hand)
+        source = RobotSource(urdf, values, tuple(mesh_folder or ()), skip_missing_meshes, plain_hand, total_mass)
     _write(SCAFFOLDS["robot"], name, folder, json, source)
 
 

@@ -204,13 +204,15 @@ SCAFFOLDS = {
 @attrs.frozen
 class RobotSource:
     """The file that a robot is read from, with the arguments of a xacro file, and the folders besides its own to find
-    meshes and ROS packages in. ``plain_hand`` takes the place of its gripper."""
+    meshes and ROS packages in. ``plain_hand`` takes the place of its gripper;
+    ``total_mass`` (kg) is divided among the links that state no mass."""
 
     urdf: Path
     arguments: Mapping[str, str] = attrs.field(factory=dict)
     mesh_folders: tuple[Path, ...] = ()
     skip_missing_meshes: bool = False
     plain_hand: bool = False
+    total_mass: float | None = None
 
     def read(self) -> tuple[str, tuple[str, ...]]:
         """URDF text whose meshes can be found, and, a line each, what had to be changed for that."""
@@ -352,7 +354,8 @@ def _robot_files(name: str, source: RobotSource | None) -> tuple[dict[str, str],
         from memo_core.arm.description_from_urdf import describe_urdf
     except ModuleNotFoundError as error:
         raise InvalidArgument("robot", f"reading a URDF needs {error.name}", "memo-core with its extra `arm`") from None
-    described = describe_urdf(text, name, meshes, source is not None and source.plain_hand)
+    hand, mass = (False, None) if source is None else (source.plain_hand, source.total_mass)
+    described = describe_urdf(text, name, meshes, hand, mass)
     if "<mesh" not in text:
         described = attrs.evolve(described, robot=attrs.evolve(described.robot, mesh_folder=None))
         meshes = None

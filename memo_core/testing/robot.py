@@ -173,16 +173,18 @@ def what_moves_has_mass(make: Make) -> None:
     light = [name for name in moving if urdf.links[name].mass <= 0]
     if len(light) > 1:
         raise AssertionError(f"the moving links {', '.join(light)} weigh nothing: each <inertial> needs a mass")
+    wrong = []
     for name in moving:
         link = urdf.links[name]
         assert link.mass > 0, f"the moving link {name} weighs {link.mass} kg: its <inertial> needs a mass"
         xx, yy, zz, xy, xz, yz = link.inertia
         principal = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         stated = f"{name}: its <inertia> has the principal moments {', '.join(f'{one:.3g}' for one in principal)} kg m2"
-        assert principal[0] > 0, f"{stated}: all are above 0 in a solid body (ixy, ixz and iyz are too large)"
-        assert principal[0] + principal[1] >= principal[2] * (1 - 1e-6), (
-            f"{stated}: in a solid body no one is more than the other two together"
-        )
+        if principal[0] <= 0:
+            wrong.append(f"{stated}: all are above 0 in a solid body (ixy, ixz and iyz are too large)")
+        elif principal[0] + principal[1] < principal[2] * (1 - 1e-6):
+            wrong.append(f"{stated}: in a solid body no one is more than the other two together")
+    assert not wrong, "; ".join(wrong)
 
 
 @rule

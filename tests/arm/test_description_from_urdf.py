@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from xml.etree import ElementTree
 
 import attrs
@@ -16,6 +17,7 @@ from memo_core.errors import InvalidArgument
 from memo_core.robot.finger_linkage import FingerLinkage
 from memo_core.robot.parallel_hand import ParallelHand, with_parallel_hand
 from memo_core.robot.urdf.reading import link_poses, read_urdf
+from memo_core.robot.urdf.text import box_inertia
 from memo_core.testing.robot import RULES
 from memo_core.testing.simulator_scenes import check_robot
 from tests.support.arms import on_a_rail, six_joint_arm
@@ -237,6 +239,67 @@ def test_all_moving_links_without_mass_are_listed():
     with pytest.raises(AssertionError, match="link2, link5"):
         RULES["what_moves_has_mass"](lambda: described.robot)
     assert not [line for line in describe_urdf(BARE).read if "mass" in line]
+
+
+def _principal(urdf: str, link: str) -> np.ndarray:
+    xx, yy, zz, xy, xz, yz = read_urdf(urdf).links[link].inertia
+    return np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def test_a_rounded_inertia_is_made_possible_and_it_is_told():
+    stated = 'ixx="0.01" iyy="0.01" izz="0.01"'
+    urdf = BARE.replace(stated, 'ixx="0.00306" iyy="0.0236" izz="0.0269"', 2)
+    described = describe_urdf(urdf)
+    told = {guess.what: guess for guess in described.guessed}
+    assert {what for what in told if what.endswith(".inertia")} == {"link1.inertia", "link2.inertia"}
+    assert "0.9% more" in told["link2.inertia"].why and "no solid body has" in described.source()
+    assert _principal(described.robot.urdf, "link2") == pytest.approx([0.00306, 0.0236, 0.02666], rel=1e-5)
+    RULES["what_moves_has_mass"](lambda: described.robot)
+
+
+def test_all_inertias_that_are_far_from_possible_are_named_at_once_as_they_stand():
+    urdf = BARE.replace('ixx="0.01" iyy="0.01" izz="0.01"', 'ixx="0.01" iyy="0.01" izz="0.03"', 2)
+    described = describe_urdf(urdf)
+    assert not [guess for guess in described.guessed if guess.what.endswith(".inertia")]
+    with pytest.raises(AssertionError, match=r"link1: its <inertia>.*link2: its <inertia>"):
+        RULES["what_moves_has_mass"](lambda: described.robot)
+
+
+def test_masses_that_a_urdf_lacks_are_divided_by_volume_and_it_is_told(tmp_path):
+    urdf = re.sub(r"<inertial>.*?</inertial>", "", BARE)
+    size, centre = (0.1, 0.2, 0.4), (0.0, 0.05, 0.1)
+    for number in (1, 2):
+        block = "<box/>" if number == 1 else f'<mesh filename="{_box_mesh(tmp_path / "box.obj", size)}"/>'
+        block = block.replace("<box/>", f'<box size="{" ".join(map(str, size))}"/>')
+        shape = f'<collision><origin xyz="0 0.05 0.1"/><geometry>{block}</geometry></collision>'
+        urdf = re.sub(rf'(<link name="link{number}">)<collision>.*?</collision>', rf"\1{shape}", urdf)
+    described = describe_urdf(urdf, total_mass=30.0)
+    links = read_urdf(described.robot.urdf).links
+    arm = [links[f"link{number}"] for number in range(1, 7)]
+    assert sum(link.mass for link in arm) == pytest.approx(30.0, rel=1e-4)
+    rod = np.pi * 0.04**2
+    assert arm[0].mass / arm[2].mass == pytest.approx(np.prod(size) / (rod * 0.30), rel=1e-4)
+    for link in arm[:2]:
+        assert link.centre.position == pytest.approx(centre)
+        assert link.inertia == pytest.approx(box_inertia(link.mass, size, centre).tensor, rel=1e-4)
+    (told,) = (guess for guess in described.guessed if guess.what == "inertials")
+    assert "link1" in told.value and "volume" in told.why and "urdf=URDF,  # guessed" in described.source()
+    for rule in RULES.values():
+        rule(lambda: described.robot)
+
+
+def _box_mesh(path: Path, size: tuple[float, float, float]) -> Path:
+    corners = [[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]
+    lines = [f"v {' '.join(f'{c * s:g}' for c, s in zip(corner, size, strict=True))}" for corner in corners]
+    path.write_text("\n".join([*lines, "f 1 2 3", "f 4 5 6", "f 7 8 1"]))
+    return path
+
+
+def test_a_total_mass_is_more_than_what_is_stated_and_there_is_something_to_divide_it_among():
+    some = re.sub(r'(<link name="link[25]">)<inertial>.*?</inertial>', r"\1", BARE)
+    for urdf, mass, said in ((some, 3.0, "3 kg, and links of the URDF state 4 kg"), (BARE, 30.0, "states its mass")):
+        with pytest.raises(InvalidArgument, match=f"--total-mass.*{said}"):
+            describe_urdf(urdf, total_mass=mass)
 
 
 def test_of_a_slide_everything_is_told_in_metres_and_newtons():
