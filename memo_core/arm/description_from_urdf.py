@@ -108,10 +108,11 @@ def describe_urdf(
     light = [joint.child for joint in urdf.joints if joint.kind != "fixed" and urdf.links[joint.child].mass <= 0]
     if light:
         read.append(f"moving links without mass, each needs an <inertial> or --total-mass KG: {', '.join(light)}")
+    read += _placeholders(chain)
     joints = tuple(_joint(joint, guesses) for joint in chain)
     label = name or urdf.name
     text, urdf, fingers = _with_fingers_shut_at_zero(text, mesh_folder, urdf, joints, fingers, guesses)
-    gripper = _first_gripper(urdf, fingers)
+    gripper = _first_gripper(urdf, fingers, guesses)
     tool_link = _carrier(urdf, fingers[0])
     bare = RobotDescription(
         name=label,
@@ -131,6 +132,18 @@ def describe_urdf(
 
 
 # -- joints and flange -------------------------------------------------------------------------------------------------
+
+
+def _placeholders(chain: Sequence[UrdfJoint]) -> list[str]:
+    """A warning where all turning joints state the same effort and velocity, which hardly any arm has."""
+    turning = [joint for joint in chain if joint.kind == "revolute"]
+    stated = {(joint.effort, joint.velocity) for joint in turning}
+    effort, velocity = next(iter(stated), (0.0, 0.0))
+    if len(stated) != 1 or not (0 < effort < math.inf and 0 < velocity < math.inf):
+        return []
+    same = f"all {len(turning)} joints state {effort:g} Nm and {velocity:g} rad/s"
+    follow = "gains and, on hardware, force limits follow from them"
+    return [f"{same}, which look like placeholders, and {follow}: state the right ones"]
 
 
 def _joint(joint: UrdfJoint, guesses: list[Guess]) -> JointDescription:
@@ -235,7 +248,7 @@ def _with_fingers_shut_at_zero(
     return text, urdf, tuple(urdf.joint(joint.name) for joint in fingers)
 
 
-def _first_gripper(urdf: Urdf, fingers: Sequence[UrdfJoint]) -> GripperDescription:
+def _first_gripper(urdf: Urdf, fingers: Sequence[UrdfJoint], guesses: list[Guess]) -> GripperDescription:
     """Its joints and pads; measures follow from the shapes."""
     names = tuple(joint.name for joint in fingers)
     slides = all(joint.kind == "prismatic" for joint in fingers)
@@ -247,9 +260,15 @@ def _first_gripper(urdf: Urdf, fingers: Sequence[UrdfJoint]) -> GripperDescripti
         tips = [link for link in carried if re.search(r"pad|tip", link, re.IGNORECASE)]
         lowest = [joint.child for joint in fingers if all(other.parent != joint.child for other in fingers)]
         pads = _opposite(urdf, tips if len(tips) >= 2 else lowest)
-    force = min((joint.effort for joint in fingers if slides and 0 < joint.effort < math.inf), default=60.0)
-    most = min(max(force, 10.0), 80.0)
-    return GripperDescription(finger_joints=names, pads=pads, max_force=most, min_force=min(5.0, most / 4))
+    efforts = [joint.effort for joint in fingers if slides and 0 < joint.effort < math.inf]
+    most = min(max(min(efforts, default=60.0), 10.0), 80.0)
+    gripper = GripperDescription(finger_joints=names, pads=pads, max_force=most, min_force=min(5.0, most / 4))
+    why = "the least effort of the slides, within 10 to 80 N" if efforts else "no slide states an effort"
+    guesses.append(Guess("gripper.max_force", f"{most:g} N", why))
+    guesses.append(Guess("gripper.min_force", f"{gripper.min_force:g} N", "5 N, or a quarter of max_force"))
+    guesses.append(Guess("gripper.speed", f"{gripper.speed:g} m/s", "no URDF states it; the maker does"))
+    guesses.append(Guess("gripper.pad_friction", f"{gripper.pad_friction:g}", "rubber pads; no URDF states it"))
+    return gripper
 
 
 def _opposite(urdf: Urdf, links: Sequence[str]) -> tuple[str, ...]:
@@ -418,7 +437,7 @@ def _source(robot: RobotDescription, why: dict[str, str]) -> str:
         lines += [f"            {', '.join(fields[:4])},", f"            {', '.join(fields[4:])},", "        ),"]
     lines += ["    ),", f"    gripper=GripperDescription({note('gripper', 'gripper.measures')}"]
     for field in attrs.fields(GripperDescription):
-        lines.append(f"        {field.name}={getattr(robot.gripper, field.name)!r},")
+        lines.append(f"        {field.name}={getattr(robot.gripper, field.name)!r},{note(f'gripper.{field.name}')}")
     lines += ["    ),", f"    tool_link={robot.tool_link!r},"]
     lines += [f"    tool_offset={_pose_text(robot.tool_offset)},{note('tool_offset')}"]
     lines += [f"    home={robot.home!r},{note('home')}", f"    allowed_contacts={robot.allowed_contacts!r},"]

@@ -20,19 +20,19 @@ from memo_core.robot.urdf.reading import Urdf, UrdfLink, UrdfShape
 from memo_core.robot.urdf.text import numbers
 from memo_core.scene.pose import Array
 
-_ROUNDED = 0.05  # share by which a moment may exceed the other two together and be taken for a rounded one
+_NEAR = 0.25  # share by which a moment may exceed the other two together and still be lowered to their sum
 _KEYS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 
 def with_possible_inertias(text: str, urdf: Urdf, guesses: list[Guess]) -> str:
-    """The URDF text with each largest principal moment that exceeds the other two together by a few percent lowered to
+    """The URDF text with each largest principal moment that exceeds the other two together by a little lowered to
     their sum, since simulators refuse it."""
     changed = {}
     for name, link in urdf.links.items():
         xx, yy, zz, xy, xz, yz = link.inertia
         moments, axes = np.linalg.eigh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         least = moments[0] + moments[1]
-        if moments[0] > 0 and least < moments[2] <= (1 + _ROUNDED) * least:
+        if moments[0] > 0 and least < moments[2] <= (1 + _NEAR) * least:
             why = f"the URDF's {moments[2]:.4g} is {moments[2] / least - 1:.1%} more than the other two together"
             moments[2] = least * (1 - 1e-6)
             value = f"principal moments {', '.join(f'{one:.4g}' for one in moments)} kg m2"

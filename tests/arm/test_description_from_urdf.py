@@ -246,7 +246,7 @@ def _principal(urdf: str, link: str) -> np.ndarray:
     return np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
-def test_a_rounded_inertia_is_made_possible_and_it_is_told():
+def test_an_inertia_slightly_too_large_is_made_possible_and_it_is_told():
     stated = 'ixx="0.01" iyy="0.01" izz="0.01"'
     urdf = BARE.replace(stated, 'ixx="0.00306" iyy="0.0236" izz="0.0269"', 2)
     described = describe_urdf(urdf)
@@ -300,6 +300,18 @@ def test_a_total_mass_is_more_than_what_is_stated_and_there_is_something_to_divi
     for urdf, mass, said in ((some, 3.0, "3 kg, and links of the URDF state 4 kg"), (BARE, 30.0, "states its mass")):
         with pytest.raises(InvalidArgument, match=f"--total-mass.*{said}"):
             describe_urdf(urdf, total_mass=mass)
+
+
+def test_efforts_and_speeds_that_are_all_the_same_are_told_as_placeholders():
+    assert [line for line in describe_urdf(BARE).read if "all 6 joints state 100 Nm and 1.5 rad/s" in line]
+    assert not [line for line in describe_urdf(panda().urdf).read if "placeholder" in line]
+
+
+def test_the_guessed_speed_and_forces_of_the_gripper_are_marked_in_the_source():
+    for urdf in URDFS.values():
+        source = describe_urdf(urdf).source()
+        for field in ("speed", "min_force", "max_force", "pad_friction"):
+            assert re.search(rf"^        {field}=\S+,  # guessed: ", source, re.MULTILINE), field
 
 
 def test_of_a_slide_everything_is_told_in_metres_and_newtons():
