@@ -10,6 +10,7 @@ from memo_core.arm.settling import settle
 from memo_core.arm.trajectory import stopping
 from memo_core.errors import InvalidArgument, Stopped
 from memo_core.interfaces.link import Link
+from memo_core.robot.description import RobotDescription
 from memo_core.scene.pose import Array, Pose
 
 _SPEED = 0.3  # of the joints' full speed
@@ -33,7 +34,7 @@ def move_joints(link: Link, goal: Array) -> None:
     planner = MotionPlanner(link.description, link.control_period)
     kinematics = planner.kinematics
     if not kinematics.within_limits(goal):
-        raise InvalidArgument("joints", f"{np.round(goal, 3).tolist()} rad", "angles within the joints' limits")
+        raise _beyond_limits(link.description, goal)
     _follow(link, kinematics, planner.joint_line(link.joint_targets(), goal).targets)
 
 
@@ -44,6 +45,16 @@ def move_tool(link: Link, goal: Pose) -> None:
     world = PlanningScene((), link.gripper_width())
     plan = planner.move("moving", link.joint_targets(), goal, (), 0.0, _SPEED, world, -np.inf)
     _follow(link, planner.kinematics, plan.trajectory.targets)
+
+
+def _beyond_limits(robot: RobotDescription, goal: Array) -> InvalidArgument:
+    """The error for the joint that the goal takes farthest beyond its limits."""
+    over = [max(one.lower - angle, angle - one.upper) for one, angle in zip(robot.joints, goal, strict=True)]
+    number = int(np.argmax(over))
+    joint, angle = robot.joints[number], float(goal[number])
+    which = f"joint {number + 1} ({joint.name})"
+    right = f"{joint.lower:.4g} to {joint.upper:.4g}, its limits less hardware.safety.joint_margin"
+    return InvalidArgument(which, f"{angle:.3f} (rad or m) is {over[number]:.3f} beyond its limit", right)
 
 
 def _follow(link: Link, kinematics: Kinematics, targets: Array) -> None:

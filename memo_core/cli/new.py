@@ -118,4 +118,6 @@ def _check_free(scaffold: Scaffold, name: str) -> None:
     for backend in registry.backends(scaffold.backend_kind):
         if name == backend.name or name in backend.aliases:
             owner = registry.plugin_of(backend).distribution
-            raise InvalidArgument("NAME", f"{owner} has a {scaffold.backend_kind} {name!r} already", "another name")
+            right = f"another name, or pip uninstall {owner}"
+            right += " (or edit the .urdf in its folder)" if scaffold.kind == "robot" else ""
+            raise InvalidArgument("NAME", f"{owner} has a {scaffold.backend_kind} {name!r} already", right)

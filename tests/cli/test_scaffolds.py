@@ -286,6 +286,8 @@ def test_a_package_that_a_xacro_file_needs_is_named_and_found_where_it_is_said_t
         (("--urdf", "arm.urdf", "kind:=arm"), "is no xacro"),
         (("kind:=arm",), "there is none"),
         (("--mesh-folder", "."), "there is none"),
+        (("--total-mass", "5"), "--total-mass: says more about a URDF, and there is none"),
+        (("--urdf", "arm.urdf", "--total-mass", "5"), "--total-mass: each link with a shape states its mass"),
         (("--urdf", "arm.urdf", "--mesh-folder", "nowhere"), "is no folder"),
     ],
 )
@@ -380,7 +382,8 @@ def test_the_page_of_a_kind_shows_the_plugin_as_it_is_written(page):
 @pytest.mark.parametrize(
     ("kind", "name", "said"),
     [
-        ("llm", "offline", "memo-offline has a llm 'offline' already"),
+        ("llm", "offline", "memo-offline has a llm 'offline' already; expected another name, or pip uninstall"),
+        ("robot", "panda", "pip uninstall memo-franka (or edit the .urdf in its folder)"),
         ("teacher", "nobody", "already"),  # a former name
         ("command", "run", "a command 'run' already"),
         ("skills", "import", "a word of Python"),
