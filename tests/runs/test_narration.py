@@ -7,7 +7,7 @@ import io
 from rich.console import Console
 
 from memo_core.cli.narration import Narrator
-from memo_core.events import CodeWritten, RunEnded
+from memo_core.events import CodeWritten, ModelCalled, RunEnded
 from memo_core.skillbook.model.entries import headline
 
 TEMPLATE = (
@@ -54,3 +54,13 @@ def test_a_success_that_the_teacher_never_approved_contradicts_nothing():
     reason = "PLACE(cup, table) was corrected 4 times and never approved"
     Narrator(Console(file=shown, width=200, no_color=True, highlight=False))(RunEnded("r", True, reason, 3.0, 9.0))
     assert shown.getvalue().strip() == f"success by the task's own check (3.0 s). Why the run ended: {reason}"
+
+
+def test_a_replay_tells_recorded_times_and_once_how_the_answers_fit():
+    shown, changed = io.StringIO(), "recorded with a prompt that has changed since"
+    narrator = Narrator(Console(file=shown, width=200, no_color=True, highlight=False), replay=True)
+    for seconds in (13.65, 2.0):
+        narrator(ModelCalled("plan", "relay", 0, 0, None, seconds, note=changed))
+    assert "plan: relay, recorded: 13.65 s" in shown.getvalue() and changed not in shown.getvalue()
+    narrator.tell_matches()
+    assert shown.getvalue().count(changed) == 1 and f"2 answers: {changed}" in shown.getvalue()
