@@ -28,7 +28,7 @@ def command(
     replay: Annotated[
         bool, typer.Option("--replay", help="Play back what a real language model said: the shipped recording.")
     ] = False,
-    verbose: Annotated[bool, typer.Option("--verbose", help="Show the code that is written, too.")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", help="Show what models write, code included.")] = False,
     json: Json = False,
 ) -> None:
     """Teach the simulated arm once by language and test whether the lesson transfers to a task that was never

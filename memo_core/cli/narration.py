@@ -47,7 +47,7 @@ class Narrator:
 
         Args:
             console: where it prints; None: stderr.
-            code: print generated code rather than only its length.
+            code: print what models write while they do, and generated code rather than only its length.
             skills: print every skill call.
             replay: the models' answers were recorded, so their times are past; ``tell_matches`` sums up how they fit.
         """
@@ -70,23 +70,20 @@ class Narrator:
 
     @property
     def on_text(self) -> Callable[[str, str], None] | None:
-        """Prints a model's output as it arrives (phase, piece); None without a terminal."""
+        """Prints a model's output as it arrives (phase, piece), or with ``code=False`` that it does; None without a
+        terminal."""
         return self._piece if self.console.is_terminal else None
 
     def _piece(self, phase: str, text: str) -> None:
         with self._lock:
-            if phase == "code" and not self._code:
-                if self._writing != phase:
-                    self._end_of_piece()
-                    self.console.print("  [dim]code: being written …[/]", end="")
-                    self._writing = phase
-                return
-            self._shown_while_written = phase
             if self._writing != phase:
                 self._end_of_piece()
-                self.console.print(f"  [dim]{escape(phase)}:[/]", end=" ")
+                activity = "" if self._code else "being written …"
+                self.console.print(f"  [dim]{escape(phase)}:[/] [dim]{activity}[/]", end="")
                 self._writing = phase
-            self.console.print(escape(text), style="dim", end="", soft_wrap=True)
+            if self._code:
+                self._shown_while_written = phase
+                self.console.print(escape(text), style="dim", end="", soft_wrap=True)
 
     def _end_of_piece(self) -> None:
         if self._writing:

@@ -41,7 +41,7 @@ def command(
         Path | None, typer.Option("--resume", metavar="DIR", help="Resume an interrupted run in its folder.")
     ] = None,
     view: Annotated[bool, typer.Option("--view", help="Open the simulator's viewer (needs a display).")] = False,
-    verbose: Annotated[bool, typer.Option("--verbose", help="Show the code that is written, too.")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", help="Show what models write, code included.")] = False,
     json: Json = False,
 ) -> None:
     """Run a task: plan, write code, execute it, and learn from feedback.

@@ -26,7 +26,7 @@ def test_no_line_of_code_is_cut_off_at_the_edge():
         assert "flat sides" in shown.getvalue() and shown.getvalue().count("flat sides") == 5
 
 
-def test_code_is_folded_where_it_is_not_asked_for_and_never_streamed():
+def test_what_a_model_writes_is_folded_where_it_is_not_asked_for_and_never_streamed():
     for terminal in (False, True):
         shown = io.StringIO()
         console = Console(file=shown, width=100, force_terminal=terminal, no_color=True, highlight=False)
@@ -35,11 +35,13 @@ def test_code_is_folded_where_it_is_not_asked_for_and_never_streamed():
             assert narrator.on_text is not None
             for piece in ("look()\n", "close_gripper()\n"):
                 narrator.on_text("code", piece)
-            narrator.on_text("plan", "OPEN(door)")
+            narrator.on_text("feedback", '{"general": "go slowly"}')
+            narrator.on_text("template", "def open_by_an_arc():")
         narrator(CodeWritten(subtask="OPEN(door)", attempt=1, code="look()\nclose_gripper()\n"))
         assert "close_gripper" not in shown.getvalue()
         assert "code: 2 lines" in shown.getvalue() and "--verbose" in shown.getvalue()
-        assert not terminal or "OPEN(door)" in shown.getvalue()
+        assert "slowly" not in shown.getvalue() and "def " not in shown.getvalue()
+        assert shown.getvalue().count("being written …") == (3 if terminal else 0)
 
 
 def test_a_template_is_listed_by_what_it_does():
