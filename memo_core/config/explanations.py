@@ -1,4 +1,4 @@
-"""What each setting of an experiment file means, from the descriptors that validate it."""
+"""Meaning, type and default of each setting of an experiment file, from the descriptors that validate it."""
 
 from __future__ import annotations
 
