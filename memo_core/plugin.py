@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from memo_core.events import (
         Event as Event,
         FeedbackGiven as FeedbackGiven,
+        QuestionAsked as QuestionAsked,
         SessionEnded as SessionEnded,
         SessionTask as SessionTask,
         TimeLeft as TimeLeft,

@@ -31,7 +31,7 @@ COMMANDS = {
     "new": "Begin a plugin of your own, of any kind: one that works.",
     "skills": "Functions that robot code may call, learnt ones too.",
     "skillbook": "List, search, edit and export the entries of a skillbook.",
-    "config": "Experiment files: show, check, schema, preset.",
+    "config": "Experiment files: explain, show, check, schema, preset.",
     "plugins": "Plugins and their backends.",
     "prompts": "The texts that are sent to language models.",
     "llm": "Whether the language model works, and what an experiment costs.",

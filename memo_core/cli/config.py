@@ -1,7 +1,8 @@
-"""``memo config``: showing and checking experiment files, and their schema."""
+"""``memo config``: explaining, showing and checking experiment files, and their schema."""
 
 from __future__ import annotations
 
+import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,7 +13,11 @@ from memo_core.cli.options import ConfigFile, Json, Overrides, load, load_regist
 from memo_core.cli.output import note, print_json, print_table
 
 if TYPE_CHECKING:
-    from memo_core.config import Experiment
+    from memo_core.config import Experiment, ShownValue
+    from memo_core.config.explanations import Setting
+
+_WIDTH = 110  # characters of a line of an explanation
+_INDENT = "    "
 
 app = typer.Typer(help="Experiment files.")
 
@@ -53,6 +58,52 @@ def show(file: OptionalFile = None, config: ConfigFile = None, overrides: Overri
         print_json({"values": shown})
         return
     print_table(("key", "value", "from"), [(v.path, _text(v.value), v.origin) for v in experiment.values])
+
+
+@app.command()
+def explain(
+    name: Annotated[
+        str | None, typer.Argument(metavar="[KEY|SECTION]", help="A key (run.attempts, attempts) or a section.")
+    ] = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """Say what settings mean, with type and default; with --config or --set also their value and its origin."""
+    from memo_core.config.explanations import all_settings, settings_named
+
+    registry = load_registry()
+    found = all_settings(registry, _all_sections())
+    if name is not None:
+        found = settings_named(name, found)
+    values: dict[str, ShownValue] = {}
+    chosen: dict[str, str] = {}
+    if config is not None or overrides:
+        _, experiment = load(config, overrides, sections=_all_sections())
+        values = {one.path: one for one in experiment.values}
+        chosen = {path.removesuffix(".backend"): str(one.value) for path, one in values.items()}
+    here = [_value_here(one, values, chosen) for one in found]
+    if json:
+        print_json({"settings": [_explained(one, value) for one, value in zip(found, here, strict=True)]})
+        return
+    for one, value in zip(found, here, strict=True):
+        default = "required" if one.required else f"default {_text(one.default)}"
+        print(one.path + (f" of {one.backend}" if one.backend else "") + f"  ({one.type}; {default})")
+        if one.meaning:
+            print(textwrap.fill(one.meaning, _WIDTH, initial_indent=_INDENT, subsequent_indent=_INDENT))
+        if value is not None:
+            print(f"{_INDENT}here: {_text(value.value)}, from {value.origin}")
+
+
+def _value_here(one: Setting, values: dict[str, ShownValue], chosen: dict[str, str]) -> ShownValue | None:
+    """The value that an experiment gives a setting, unless it chooses another backend than the one that has it."""
+    section = one.path.rpartition(".")[0]
+    return None if one.backend and chosen.get(section) != one.backend else values.get(one.path)
+
+
+def _explained(one: Setting, value: ShownValue | None) -> dict[str, object]:
+    here = {} if value is None else {"value": value.value, "file": value.origin.file, "line": value.origin.line}
+    return {**attrs.asdict(one), **here}
 
 
 @app.command()

@@ -9,7 +9,7 @@ import attrs
 import typer
 
 from memo_core.cli.options import ConfigFile, Json, Overrides, Seed, load
-from memo_core.cli.output import print_json, print_table
+from memo_core.cli.output import note, print_json, print_table
 from memo_core.cli.signal_handling import INTERRUPTED
 from memo_core.errors import InvalidArgument
 
@@ -28,7 +28,7 @@ def command(
     replay: Annotated[
         bool, typer.Option("--replay", help="Play back what a real language model said: the shipped recording.")
     ] = False,
-    verbose: Annotated[bool, typer.Option("--verbose", help="Show the code that is written, too.")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", help="Show what models write, code included.")] = False,
     json: Json = False,
 ) -> None:
     """Teach the simulated arm once by language and test whether the lesson transfers to a task that was never
@@ -58,8 +58,11 @@ def command(
             raise InvalidArgument("--seed", f"the recording was made on seed {recorded_on}", f"--seed {recorded_on}")
         # Another machine may round a digit the other way; what was answered loosely is said at each call.
         experiment = replayed(attrs.evolve(experiment, seed=recorded_on), registry, file, match="situation")
-    narrator = Narrator(code=verbose)
+        note(f"memo: no model is asked: {file.name} plays what a capable model answered, whose name is not recorded")
+        note('memo: "relay" is what passed questions and answers between MEMO and it; times are those of then')
+    narrator = Narrator(code=verbose, replay=replay)
     report = run_demo(experiment, registry, out, listener=narrator, chapter=narrator.heading, on_text=narrator.on_text)
+    narrator.tell_matches()
     if json:
         print_json(report.summary())
     else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections import Counter
 from collections.abc import Callable
 
 from rich.console import Console
@@ -39,11 +40,22 @@ NEAR_MISSES = 3
 class Narrator:
     """Prints events as they happen to stderr, which leaves stdout to results. Safe from any thread."""
 
-    def __init__(self, console: Console | None = None, code: bool = True, skills: bool = False) -> None:
-        """``code``: print generated code rather than only its length; ``skills``: print every skill call."""
+    def __init__(
+        self, console: Console | None = None, code: bool = True, skills: bool = False, replay: bool = False
+    ) -> None:
+        """Prepare the narrator; nothing is printed.
+
+        Args:
+            console: where it prints; None: stderr.
+            code: print what models write while they do, and generated code rather than only its length.
+            skills: print every skill call.
+            replay: the models' answers were recorded, so their times are past; ``tell_matches`` sums up how they fit.
+        """
         self.console = console or terminal.console(stderr=True, highlight=False)
         self._code = code
         self._skills = skills
+        self._replay = replay
+        self._matches: Counter[str] = Counter()  # notes about answers of a replay, and how often
         self._lock = threading.Lock()
         self._writing = ""  # the phase whose answer is on the screen, unfinished
         self._shown_while_written = ""  # the last that was
@@ -58,23 +70,20 @@ class Narrator:
 
     @property
     def on_text(self) -> Callable[[str, str], None] | None:
-        """Prints a model's output as it arrives (phase, piece); None without a terminal."""
+        """Prints a model's output as it arrives (phase, piece), or with ``code=False`` that it does; None without a
+        terminal."""
         return self._piece if self.console.is_terminal else None
 
     def _piece(self, phase: str, text: str) -> None:
         with self._lock:
-            if phase == "code" and not self._code:
-                if self._writing != phase:
-                    self._end_of_piece()
-                    self.console.print("  [dim]code: being written …[/]", end="")
-                    self._writing = phase
-                return
-            self._shown_while_written = phase
             if self._writing != phase:
                 self._end_of_piece()
-                self.console.print(f"  [dim]{escape(phase)}:[/]", end=" ")
+                activity = "" if self._code else "being written …"
+                self.console.print(f"  [dim]{escape(phase)}:[/] [dim]{activity}[/]", end="")
                 self._writing = phase
-            self.console.print(escape(text), style="dim", end="", soft_wrap=True)
+            if self._code:
+                self._shown_while_written = phase
+                self.console.print(escape(text), style="dim", end="", soft_wrap=True)
 
     def _end_of_piece(self) -> None:
         if self._writing:
@@ -84,6 +93,11 @@ class Narrator:
     def heading(self, words: str) -> None:
         """A heading between several runs."""
         self.console.rule(f"[bold]{escape(words)}", align="left")
+
+    def tell_matches(self) -> None:
+        """Print how the recorded answers of a replay fit its questions, where that needs saying."""
+        for match, times in self._matches.items():
+            self.say(f"{times} answer{'s' * (times != 1)}: {match} (each is in the run folder's events)", "dim")
 
     def say(self, words: str, style: str = "") -> None:
         self.console.print(f"[{style}]{escape(words)}[/]" if style else escape(words))
@@ -111,7 +125,7 @@ class Narrator:
         self.console.print(f"\n[bold cyan]{escape(event.subtask)}[/] [dim]attempt {event.attempt}{take}[/]")
 
     def _on_ModelCalled(self, event: ModelCalled) -> None:
-        words = f"  {event.phase}: {event.model}, {event.latency_s:.2f} s"
+        words = f"  {event.phase}: {event.model}, {'recorded: ' * self._replay}{event.latency_s:.2f} s"
         if event.prompt_tokens:
             asked = prompt_words(event.prompt_tokens, event.cached_tokens)
             words += f", {asked} + {event.completion_tokens} tokens"
@@ -120,7 +134,9 @@ class Narrator:
         if event.problem:
             words += f", no answer: {event.problem}"
         self.say(words + (", abandoned" if event.abandoned else ""), "dim")
-        if event.note:
+        if event.note and self._replay:
+            self._matches[event.note] += 1
+        elif event.note:
             self.say(f"  {event.note}", "dim")
         if event.not_understood:
             self.say(f"  not understood: {', '.join(event.not_understood)}", "yellow")

@@ -41,7 +41,7 @@ def command(
         Path | None, typer.Option("--resume", metavar="DIR", help="Resume an interrupted run in its folder.")
     ] = None,
     view: Annotated[bool, typer.Option("--view", help="Open the simulator's viewer (needs a display).")] = False,
-    verbose: Annotated[bool, typer.Option("--verbose", help="Show the code that is written, too.")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", help="Show what models write, code included.")] = False,
     json: Json = False,
 ) -> None:
     """Run a task: plan, write code, execute it, and learn from feedback.
@@ -92,7 +92,8 @@ def command(
         experiment = recorded(experiment, registry, record)
     if replay is not None:
         experiment = replayed(experiment, registry, replay)
-    narrator = Narrator(code=verbose)
+        note(f"memo: no model is asked: the answers are those recorded in {replay}, and so are their times")
+    narrator = Narrator(code=verbose, replay=replay is not None)
     _warn_of_reach(experiment)
     if experiment.section("skillbook").url == "sqlite://":
         note("memo: the skillbook sqlite:// is in memory: what is learnt is gone when the command ends")
@@ -103,6 +104,7 @@ def command(
             report = resume_experiment(experiment, registry, resume, *watching, begun=beside.start)
         else:
             report = run_experiment(experiment, registry, out, *watching, folder, beside.start)
+    narrator.tell_matches()
     if record is not None:
         _note_recording(experiment, record)
     with while_read():

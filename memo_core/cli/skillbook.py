@@ -69,6 +69,8 @@ def list_entries(
             print_json({"entries": [_as_json(entry) for entry in entries], "waiting": waiting_shown})
             return
         print_table(("id", "kind", "key", "uses", "text"), [_row(entry) for entry in entries])
+        if entries:
+            note("uses a/b: retrieved b times for code that ran, a times approved")
         for said in waiting:
             state = "pending: the next run begins with it"
             if said.status == "parked":

@@ -26,6 +26,7 @@ Suite = Annotated[str | None, typer.Option("--suite", metavar="NAME", help="Anot
 @app.command("list")
 def list_tasks(suite: Suite = None, config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
     """List the tasks of the suite."""
+    from memo_core.interfaces.task import TASK_TYPES
     from memo_core.llm.measured import measured_of, summary
     from memo_core.runs.factories import tasks_of
 
@@ -41,6 +42,9 @@ def list_tasks(suite: Suite = None, config: ConfigFile = None, overrides: Overri
     rows = [(t.name, t.kind, t.split, t.instruction, *summary(measured, t.name).values()) for t in tasks]
     reach = () if measured is None else (f"llm {model.name}",)
     print_table(("task", "type", "split", "instruction", *reach), rows)
+    types = [f"{kind} {meaning}" for kind, meaning in TASK_TYPES.items() if any(t.kind == kind for t in tasks)]
+    if types:
+        note(f"types: {', '.join(types)}")
     if measured is not None:
         note(f"untaught, taught, no: what llm {model.name!r} did when it was measured, by")
         for done, command in measured.commands.items():

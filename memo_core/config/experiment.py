@@ -395,8 +395,18 @@ class _Assembly:
         if backend is None:
             return None
         keys = {key: value for key, value in values.items() if key != "backend"}
-        settings = self._checker.section(backend.config, keys, path, f"{kind} {backend.name!r}", backend.needs.secrets)
+
+        def elsewhere(key: str) -> str:
+            return " or ".join(f"{dotted(path)}.backend={other}" for other in self._with_key(kind, key))
+
+        owner = f"{kind} {backend.name!r}"
+        settings = self._checker.section(backend.config, keys, path, owner, backend.needs.secrets, elsewhere)
         return None if settings is None else Choice(backend, settings)
+
+    def _with_key(self, kind: str, key: str) -> list[str]:
+        """The backends of a kind that have a key."""
+        fields = {one.name: attrs.fields(one.config) for one in self._registry.backends(kind)}
+        return [name for name, own in fields.items() if key in {key_of(f) for f in own if not f.metadata.get("secret")}]
 
     def _backend(self, kind: str, values: dict[str, Any], path: Path_, optional: bool) -> Backend | None:
         where = (*path, "backend")

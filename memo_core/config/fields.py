@@ -21,6 +21,7 @@ from memo_core.errors import InvalidArgument, MemoError, close_match
 
 _URL_WITH_PASSWORD = re.compile(r"^[A-Za-z][\w+.-]*://[^/\s:@]*:(?!\$\{)[^/\s@]+@")
 _PERCENT = re.compile(r"\s*(\d+(?:\.\d+)?)\s*%\s*")
+_COMMA = re.compile(r"[+-]?\d+,\d+")
 MISSING = "???"  # OmegaConf's word for a value that another layer must give
 
 
@@ -52,6 +53,17 @@ def _as_in_a_file(text: str) -> Any:
     return read if isinstance(read, (bool, int, float)) else text
 
 
+def _as_number(text: str, wanted: type) -> str:
+    """Hint how to write a text so that it is a number or a switch; empty if it resembles none."""
+    if wanted is float and (share := _PERCENT.fullmatch(text)):
+        return f"; write {float(share[1]) / 100:g}"
+    if wanted is float and _COMMA.fullmatch(text):
+        return f"; write {text.replace(',', '.')}"
+    read = _as_in_a_file(text)
+    fits = type(read) is wanted or (wanted is float and type(read) is int)
+    return f"; write {text.strip()}, without the quotes" if fits else ""
+
+
 class Checker:
     """Checks the values of one merged experiment; ``issues`` grows with what is wrong."""
 
@@ -73,7 +85,15 @@ class Checker:
     def wrong(self, path: Path_, problem: str, origin: Origin | None = None) -> None:
         self.issues.append(Issue(origin or self._merged.origin(path), dotted(path), problem))
 
-    def section(self, cls: type, values: Any, path: Path_, owner: str, secrets: tuple[str, ...] = ()) -> Any:
+    def section(
+        self,
+        cls: type,
+        values: Any,
+        path: Path_,
+        owner: str,
+        secrets: tuple[str, ...] = (),
+        elsewhere: abc.Callable[[str], str] = lambda key: "",
+    ) -> Any:
         """Build the settings of one section, adding every error found to ``issues``.
 
         Args:
@@ -82,6 +102,7 @@ class Checker:
             path: keys that lead to the section, for errors.
             owner: owner of the keys in messages, such as ``section 'retrieval'``.
             secrets: names of the environment variables that hold the owner's secrets, for messages only.
+            elsewhere: key -> what would have an unknown key, for messages; empty for nothing.
 
         Returns:
             An instance of ``cls``, or None if there are errors.
@@ -100,7 +121,7 @@ class Checker:
         hints = field_types(cls)
         for key in values:
             if key not in hints:
-                self._unknown(key, (*path, key), tuple(hints), owner, secrets)
+                self._unknown(key, (*path, key), tuple(hints), owner, secrets, elsewhere(key))
         arguments = {}
         for field in attrs.fields(cls):
             key = key_of(field)
@@ -247,8 +268,8 @@ class Checker:
     # -- reporting -------------------------------------------------------------------------------------------------
     def _type_error(self, value: Any, wanted: Any, path: Path_, hint: str = "") -> typing.NoReturn:
         name = next((part for part in reversed(path) if isinstance(part, str)), "")
-        if wanted is float and isinstance(value, str) and (share := _PERCENT.fullmatch(value)):
-            hint = f"; write {float(share[1]) / 100:g}"
+        if isinstance(value, str) and wanted in (int, float, bool):
+            hint = _as_number(value, wanted)
         self.wrong(path, f"{self._told(value, name, path)} is not {describe(wanted)}{hint}")
         raise _Wrong
 
@@ -263,11 +284,13 @@ class Checker:
             return f"the value of {shown}" if isinstance(shown, str) and "${" in shown else "the value"
         return shown_value(value, name)
 
-    def _unknown(self, key: str, path: Path_, known: tuple[str, ...], owner: str, secrets: tuple[str, ...]) -> None:
+    def _unknown(
+        self, key: str, path: Path_, known: tuple[str, ...], owner: str, secrets: tuple[str, ...], elsewhere: str
+    ) -> None:
         if SECRET_NAME.search(key) and not close_match(key, known):
             self.wrong(path, f"unknown key: secrets come from the environment only{_in_variables(secrets)}")
             return
-        said = f"unknown key of {owner}{close_match(key, known)}"
+        said = f"unknown key of {owner}" + (f"; {elsewhere} has it" if elsewhere else close_match(key, known))
         self.wrong(path, said + (f" (keys: {', '.join(sorted(known))})" if known else " (it has none)"))
 
     def _guard_secrets(self, text: str, path: Path_) -> None:

@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, Union
 import attrs
 
 from memo_core.config.experiment import DRIVERS, SINGLE_KINDS, Choice, plain, task_names
+from memo_core.config.explanations import TOP_LEVEL
 from memo_core.config.fields import field_types, key_of
 from memo_core.config.layers import preset_sections, presets
 from memo_core.errors import BackendUnavailable, MemoError
@@ -26,12 +27,12 @@ def experiment_schema(registry: Registry, sections: Mapping[str, type]) -> dict[
     """The schema for the installed plugins and the packages' own sections."""
     properties: dict[str, Any] = {
         "extends": {
-            "description": "Experiment files that this one extends, relative to it; this file takes precedence.",
+            "description": TOP_LEVEL["extends"],
             "anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}],
         },
-        "task": {"description": "Name of the task (memo tasks list).", **_tasks(registry)},
-        "preset": {"description": "Settings to begin with; what a file says wins.", "enum": list(presets())},
-        "seed": {"description": "Seed of the scene and of everything drawn.", "type": "integer", "minimum": 0},
+        "task": {"description": TOP_LEVEL["task"], **_tasks(registry)},
+        "preset": {"description": TOP_LEVEL["preset"], "enum": list(presets())},
+        "seed": {"description": TOP_LEVEL["seed"], "type": "integer", "minimum": 0},
     }
     for kind in SINGLE_KINDS:
         properties[kind] = _choice(registry.backends(kind))

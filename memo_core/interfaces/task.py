@@ -11,6 +11,13 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.scene.description import SceneDescription
 
+TASK_TYPES = {  # of the paper's tasks
+    "LH": "long horizon",
+    "CR": "contact-rich",
+    "SR": "semantic reasoning",
+    "TR": "translation and rotation",
+}
+
 
 class Monitor(ABC):
     """Observes every tick and keeps a state. The state is part of a checkpoint, so a retry does not inherit what
@@ -54,7 +61,7 @@ class Task(ABC):
     # What a person in the room wants to see at the end, a sentence a condition, in terms of what is visible:
     # ("the food is in the microwave", "the hand has let go of the food"). For teachers; no check is derived from it.
     goal: tuple[str, ...] = ()
-    kind: str = ""  # LH, CR, SR, TR
+    kind: str = ""  # a key of ``TASK_TYPES``
     split: str = "training"  # or "held-out"
     time_limit: float = 300.0  # simulated seconds
     settle: float = 2.5  # simulated seconds to let pass with the arm still before ``check``

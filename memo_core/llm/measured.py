@@ -30,7 +30,7 @@ class Measured:
         if reach == "no":
             return f"llm {backend!r} was not able to do {task!r} when it was measured, taught or untaught"
         if reach == "taught":
-            return f"llm {backend!r} did {task!r} only after it was corrected: somebody should watch"
+            return f"llm {backend!r} fails at {task!r} until somebody corrects it"
         return ""
 
 

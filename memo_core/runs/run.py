@@ -86,6 +86,7 @@ class RunReport:
     calls: int = 0  # of models: those asked again, given up or failed included
     calls_unpriced: int = 0
     ended_by_person: bool = False
+    ended_by_signal: bool = False  # to this process, such as Ctrl-C twice: a command that does several runs ends too
     parts: int = 1  # more than one when it was resumed
     error: RunError | None = None  # by which it could not be carried out: then it is neither success nor failure
     resumable: bool = False  # it was cut off; `memo run --resume FOLDER` goes on
@@ -506,6 +507,7 @@ class _Run:
             calls=spent.calls,
             calls_unpriced=spent.unpriced,
             ended_by_person=self.supervisor.ending,
+            ended_by_signal=self.supervisor.ended_by_signal,
             parts=self.log.part,
             error=ended.error,
             resumable=resumable,

@@ -66,6 +66,7 @@ class Supervisor:
         self._asking = False
         self._last_press = -1e9
         self.presses = 0
+        self.ended_by_signal = False  # rather than by the teacher, such as a button on a page
         self.prompt_ready: list[float] = []  # monotonic times at which somebody could begin to answer after a stop
 
     @property
@@ -215,10 +216,12 @@ class Supervisor:
         if not self.ending:
             ends = "pauses the study" if self.attended else "ends the run"
             _say_from_handler(f"stopped; Ctrl-C again within {SECOND_PRESS_S:g} seconds {ends}")
+        self.ended_by_signal = self.ending
         self._leave_the_prompt()
 
     def _on_terminate(self, number: int, frame: FrameType | None) -> None:
         self.end()
+        self.ended_by_signal = True
         self._leave_the_prompt()
 
     def _leave_the_prompt(self) -> None:

@@ -179,6 +179,7 @@ def test_a_list_of_tasks_says_by_which_commands_the_model_was_measured_and_print
     assert "untaught: memo run --task TASK --seed 0 --teacher silent" in captured.err
     assert "taught: memo run --task TASK --seed 0 --teacher simulated" in captured.err
     assert not re.search(r"\d{4}-\d{2}-\d{2}", captured.out + captured.err)
+    assert "types: LH long horizon, CR contact-rich, SR semantic reasoning, TR translation and rotation" in captured.err
 
 
 @pytest.mark.parametrize(
@@ -214,6 +215,8 @@ def as_json(capsys, *arguments: str) -> dict:
 def test_a_book_can_be_looked_into(book, capsys):
     entries = as_json(capsys, "skillbook", "list", "--book", str(book))["entries"]
     assert [entry["kind"] for entry in entries] == ["correction", "general", "correction"]
+    assert run("skillbook", "list", "--book", str(book)) == 0
+    assert "uses a/b: retrieved b times" in capsys.readouterr().err
     [mine] = as_json(capsys, "skillbook", "list", "--book", str(book), "--who", "ben")["entries"]
     assert mine["text"] == "Move slowly."
     shown = as_json(capsys, "skillbook", "show", str(mine["id"]), "--book", str(book))

@@ -7,7 +7,7 @@ import io
 from rich.console import Console
 
 from memo_core.cli.narration import Narrator
-from memo_core.events import CodeWritten, EntryServed, Retrieved, RunEnded
+from memo_core.events import CodeWritten, EntryServed, ModelCalled, Retrieved, RunEnded
 from memo_core.skillbook.model.entries import headline
 
 TEMPLATE = (
@@ -37,7 +37,7 @@ def test_no_retrieved_entry_is_cut_off_at_the_edge():
         assert word in shown.getvalue()
 
 
-def test_code_is_folded_where_it_is_not_asked_for_and_never_streamed():
+def test_what_a_model_writes_is_folded_where_it_is_not_asked_for_and_never_streamed():
     for terminal in (False, True):
         shown = io.StringIO()
         console = Console(file=shown, width=100, force_terminal=terminal, no_color=True, highlight=False)
@@ -46,11 +46,13 @@ def test_code_is_folded_where_it_is_not_asked_for_and_never_streamed():
             assert narrator.on_text is not None
             for piece in ("look()\n", "close_gripper()\n"):
                 narrator.on_text("code", piece)
-            narrator.on_text("plan", "OPEN(door)")
+            narrator.on_text("feedback", '{"general": "go slowly"}')
+            narrator.on_text("template", "def open_by_an_arc():")
         narrator(CodeWritten(subtask="OPEN(door)", attempt=1, code="look()\nclose_gripper()\n"))
         assert "close_gripper" not in shown.getvalue()
         assert "code: 2 lines" in shown.getvalue() and "--verbose" in shown.getvalue()
-        assert not terminal or "OPEN(door)" in shown.getvalue()
+        assert "slowly" not in shown.getvalue() and "def " not in shown.getvalue()
+        assert shown.getvalue().count("being written …") == (3 if terminal else 0)
 
 
 def test_a_template_is_listed_by_what_it_does():
@@ -65,3 +67,13 @@ def test_a_success_that_the_teacher_never_approved_contradicts_nothing():
     reason = "PLACE(cup, table) was corrected 4 times and never approved"
     Narrator(Console(file=shown, width=200, no_color=True, highlight=False))(RunEnded("r", True, reason, 3.0, 9.0))
     assert shown.getvalue().strip() == f"success by the task's own check (3.0 s). Why the run ended: {reason}"
+
+
+def test_a_replay_tells_recorded_times_and_once_how_the_answers_fit():
+    shown, changed = io.StringIO(), "recorded with a prompt that has changed since"
+    narrator = Narrator(Console(file=shown, width=200, no_color=True, highlight=False), replay=True)
+    for seconds in (13.65, 2.0):
+        narrator(ModelCalled("plan", "relay", 0, 0, None, seconds, note=changed))
+    assert "plan: relay, recorded: 13.65 s" in shown.getvalue() and changed not in shown.getvalue()
+    narrator.tell_matches()
+    assert shown.getvalue().count(changed) == 1 and f"2 answers: {changed}" in shown.getvalue()

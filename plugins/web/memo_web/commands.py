@@ -13,10 +13,11 @@ from memo_core.cli import Overrides, load, note
 
 if TYPE_CHECKING:
     from memo_core.config import Experiment
-    from memo_core.plugin import Registry
+    from memo_core.plugin import Event, Registry
 
 _POLL_S = 0.2
 _INTERRUPTED = 130
+_TWICE = "twice within two seconds ends both"
 _NOT_FROM_HERE = (
     "A real robot is begun at its terminal: memo run --teacher web. "
     "With teacher.starts_motion=true it can be begun here."
@@ -33,7 +34,9 @@ def web(
 ) -> None:
     """Teach in the browser: choose a task on the page, watch the robot, stop it, and say what was wrong.
 
-    One run after another; Ctrl-C ends. `memo run --teacher web` does one task at once.
+    One run after another. Ctrl-C ends the command between two runs. During a run it stops the robot, and the page asks
+    what was wrong; twice within two seconds ends the run and the command.
+    `memo run --teacher web` does one task at once.
     """
     from memo_web.robot_side.pages_process import pages_process
 
@@ -44,12 +47,13 @@ def web(
     pages.on("begin", begun.put)
     pages.send("offers", keep="offers", offers=_offers(experiment))
     pages.send("book", keep="book", url=experiment.section("skillbook").url)
-    note("memo: Ctrl-C ends")
+    note(f"memo: Ctrl-C ends this command; during a run it stops the robot first ({_TWICE})")
     try:
         while True:
             chosen = _next(begun)
             _, experiment = load(file, given, str(chosen["task"]), int(chosen["seed"]))
-            _run(experiment, registry, out)
+            if not _run(experiment, registry, out):
+                raise typer.Exit(_INTERRUPTED)
             while not begun.empty():  # pressed twice, or while the run went on
                 begun.get()
             pages.send("offers", keep="offers", offers=_offers(experiment))
@@ -76,17 +80,25 @@ def _offers(experiment: Experiment) -> dict[str, Any]:
     return {"tasks": tasks, "task": first, "seed": experiment.seed, "why_not": "" if allowed else _NOT_FROM_HERE}
 
 
-def _run(experiment: Experiment, registry: Registry, out: Path) -> None:
-    """Do one task; an error that keeps it from beginning is said, and the pages go on."""
+def _run(experiment: Experiment, registry: Registry, out: Path) -> bool:
+    """Do one task, and print how it ended or why it could not begin. False if a signal ended it."""
     from memo_core.plugin import MemoError
     from memo_core.runs import run_experiment
 
     try:
-        report = run_experiment(experiment, registry, out)
+        report = run_experiment(experiment, registry, out, listener=_say_stopped)
     except MemoError as error:
         note(f"memo: {error}")
-        return
+        return True
     verdict = "could not be carried out" if report.error else "done" if report.success else "not done"
     note(f"{report.task}, seed {report.seed}: {verdict} ({report.why}); kept in {report.folder}")
     if report.ended_by_person:
         note(f"memo: to continue: memo run --resume {report.folder}")
+    return not report.ended_by_signal
+
+
+def _say_stopped(event: Event) -> None:
+    from memo_core.plugin import QuestionAsked
+
+    if isinstance(event, QuestionAsked) and event.about == "stop":
+        note(f"memo: stopped, and the page asks what was wrong (Ctrl-C {_TWICE}: the run and this command)")
