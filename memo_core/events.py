@@ -170,6 +170,18 @@ class EntryStored(Event):
 
 
 @attrs.frozen
+class EntryStruck(Event):
+    """A note that a person struck, or replaced by other words, when it was read back; its ``EntryStored`` came
+    before."""
+
+    entry: int
+    kind: str
+    key: str
+    text: str
+    feedback: int | None = None
+
+
+@attrs.frozen
 class ClusterDone(Event):
     key: str
     entries_before: int

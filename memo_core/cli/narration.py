@@ -14,6 +14,7 @@ from memo_core.events import (
     CodeEnded,
     CodeWritten,
     EntryStored,
+    EntryStruck,
     Event,
     FeedbackGiven,
     ModelCalled,
@@ -180,6 +181,10 @@ class Narrator:
     def _on_EntryStored(self, event: EntryStored) -> None:
         text = headline(event.kind, event.text)
         self.console.print(f"  [green]learnt[/] {event.kind} [dim]{escape(event.key)}[/] {escape(text)}")
+
+    def _on_EntryStruck(self, event: EntryStruck) -> None:
+        text = headline(event.kind, event.text)
+        self.console.print(f"  [yellow]struck[/] {event.kind} [dim]{escape(event.key)}[/] {escape(text)}")
 
     def _on_SubtaskEnded(self, event: SubtaskEnded) -> None:
         colour = STATUS_COLOURS.get(event.status, "")

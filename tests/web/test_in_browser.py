@@ -23,6 +23,7 @@ from memo_core.events import (
     CodeWritten,
     EntryServed,
     EntryStored,
+    EntryStruck,
     FeedbackGiven,
     Problem,
     Retrieved,
@@ -228,6 +229,19 @@ def test_hostile_text_is_text_in_every_field(browser, pages):
         page.get_by_test_id("replay-code").filter(has_text="onerror").wait_for()
         assert page.evaluate("window.hacked") is None
         assert not page.locator("img[src=x], .q-page script").count()
+
+
+def test_a_note_that_was_struck_is_shown_as_struck(browser, pages):
+    pages_hear(RunStarted("run-1", "task", "open it", 0, {}))
+    for number, text in ((1, "Pull it."), (2, "Push it.")):
+        pages_hear(EntryStored(number, "correction", "OPEN(door)", text))
+    pages_hear(EntryStruck(1, "correction", "OPEN(door)", "Pull it."))
+    pages.send("stage", keep="stage", stage=stage())
+    with opened(browser, f"{pages.url}teach") as page:
+        page.get_by_text("What was said and noted", exact=True).click()
+        page.get_by_text("noted (correction, OPEN(door)): Push it.").wait_for()
+        page.locator(".text-strike", has_text="struck (correction, OPEN(door)): Pull it.").wait_for()
+        assert page.locator(".text-strike").count() == 1
 
 
 def test_long_words_are_refused_and_stay_in_the_field(browser, pages):

@@ -295,13 +295,16 @@ class TeachingPage:
 
     def _show_said(self) -> None:
         self._said.clear()
+        struck = {event["data"]["entry"] for event in self._view.events if event["event"] == "EntryStruck"}
         with self._said:
             for event in self._view.events:
                 data = event["data"]
                 if event["event"] == "FeedbackGiven":
                     ui.label(f"{data['who']}, about {data['subtask']}: {data['words']}").classes("memo-text")
                 elif event["event"] == "EntryStored":
-                    ui.label(f"noted ({data['kind']}, {data['key']}): {data['text']}").classes("memo-text q-pl-md")
+                    gone = data["entry"] in struck
+                    note = ui.label(f"{'struck' if gone else 'noted'} ({data['kind']}, {data['key']}): {data['text']}")
+                    note.classes("memo-text q-pl-md" + " text-strike" * gone)
                 elif event["event"] == "Problem":
                     ui.label(f"{data['where']}: {data['message']}").classes("memo-text text-negative")
 
