@@ -79,9 +79,11 @@ class EntryServed:
     kind: str  # "correction", "general", "template", "call", "function"
     key: str
     text: str
-    score: float
+    score: float  # s(q, e) that it is ranked by
     action_cosine: float
     objects_cosine: float
+    key_score: float | None = None  # r(q, v); None: a general statement, or an older log
+    hint: bool = False  # its key is below the cut
 
 
 @attrs.frozen

@@ -25,3 +25,12 @@ def test_a_note_that_was_struck_is_shown_as_struck(tmp_path):
     struck = noted(1, "Pull it.") | {"event": "EntryStruck", "feedback": 1}
     page = page_of(tmp_path / "run", *notes, struck)
     assert "struck (correction, OPEN(door)): Pull it." in page and "noted (correction, OPEN(door)): Push it." in page
+
+
+def test_the_score_and_r_of_what_was_retrieved_are_told_apart_and_older_logs_have_no_r(tmp_path):
+    row = {"entry": 1, "kind": "template", "key": "OPEN(oven)", "text": "pull", "score": 0.68}
+    row |= {"action_cosine": 1.0, "objects_cosine": 0.7}
+    served = {"event": "Retrieved", "subtask": "OPEN(door)", "cut": []}
+    now = page_of(tmp_path / "now", served | {"served": [row | {"key_score": 0.92, "hint": True}]})
+    assert "<td>0.68</td><td>0.92</td><td>template, hint</td>" in now
+    assert "<td>0.68</td><td></td><td>template</td>" in page_of(tmp_path / "before", served | {"served": [row]})

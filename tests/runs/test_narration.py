@@ -7,7 +7,7 @@ import io
 from rich.console import Console
 
 from memo_core.cli.narration import Narrator
-from memo_core.events import CodeWritten, RunEnded
+from memo_core.events import CodeWritten, EntryServed, Retrieved, RunEnded
 from memo_core.skillbook.model.entries import headline
 
 TEMPLATE = (
@@ -54,3 +54,22 @@ def test_a_success_that_the_teacher_never_approved_contradicts_nothing():
     reason = "PLACE(cup, table) was corrected 4 times and never approved"
     Narrator(Console(file=shown, width=200, no_color=True, highlight=False))(RunEnded("r", True, reason, 3.0, 9.0))
     assert shown.getvalue().strip() == f"success by the task's own check (3.0 s). Why the run ended: {reason}"
+
+
+def table_of(*served):
+    shown = io.StringIO()
+    console = Console(file=shown, width=200, no_color=True, highlight=False)
+    Narrator(console)(Retrieved("OPEN(oven)", served, (("PUT(pan, oven)", 0.74, "below the cut 0.85"),)))
+    return [line.split() for line in shown.getvalue().splitlines()]
+
+
+def test_the_score_and_the_keys_likeness_are_told_apart_and_hints_are_marked():
+    near = EntryServed(1, "correction", "OPEN(fridge)", "In an arc.", 0.684, 1.0, 0.66, 0.915)
+    hint = EntryServed(2, "template", "PULL(drawer)", "def pull(): ...", 0.7, 0.8, 0.7, 0.775, hint=True)
+    general = EntryServed(3, "general", "*", "Go slowly.", 0.41, 0.0, 0.0)
+    head, *rows, cut = table_of(near, hint, general)
+    assert head == ["served", "s", "r", "action", "objects", "key", "text"]
+    assert rows[0][:6] == ["correction", "0.68", "0.92", "1.00", "0.66", "OPEN(fridge)"]
+    assert rows[1][:5] == ["template,", "hint", "0.70", "0.78", "0.80"]
+    assert rows[2][:4] == ["general", "0.41", "*", "Go"], "a general statement has no key"
+    assert cut[:5] == ["not", "served:", "PUT(pan,", "oven)", "(r"]

@@ -191,7 +191,7 @@ def test_hostile_text_is_text_in_every_field(browser, pages):
     pages.on("remark", answers.put)
     pages_hear(RunStarted(HOSTILE, HOSTILE, HOSTILE, 0, {}))
     pages_hear(SubtaskStarted(HOSTILE, 1, 1))
-    served = EntryServed(1, HOSTILE, HOSTILE, HOSTILE, 0.9, 0.9, 0.9)
+    served = EntryServed(1, HOSTILE, HOSTILE, HOSTILE, 0.7, 0.9, 0.9, 0.8, hint=True)
     pages_hear(Retrieved(HOSTILE, (served,), ((HOSTILE, 0.1, HOSTILE),)))
     pages_hear(CodeWritten(HOSTILE, 1, f"{HOSTILE}\n```\n{HOSTILE}"))
     pages_hear(SkillStarted(HOSTILE, 1, HOSTILE))
@@ -222,6 +222,7 @@ def test_hostile_text_is_text_in_every_field(browser, pages):
         page.get_by_test_id("said").filter(has_text="noted").wait_for()
         for place in ("task", "question", "done", "program", "retrieved", "said"):
             page.get_by_test_id(place).filter(has_text=HOSTILE).wait_for()
+        page.get_by_test_id("retrieved").filter(has_text="a hint").filter(has_text="score 0.70; likeness 0.80").wait_for()
         page.get_by_test_id("words").fill(HOSTILE)
         page.get_by_test_id("send").click()
         assert answers.get(timeout=WAIT_S)["words"] == HOSTILE
