@@ -222,7 +222,9 @@ def test_hostile_text_is_text_in_every_field(browser, pages):
         page.get_by_test_id("said").filter(has_text="noted").wait_for()
         for place in ("task", "question", "done", "program", "retrieved", "said"):
             page.get_by_test_id(place).filter(has_text=HOSTILE).wait_for()
-        page.get_by_test_id("retrieved").filter(has_text="a hint").filter(has_text="score 0.70; likeness 0.80").wait_for()
+        page.get_by_test_id("retrieved").filter(has_text="a hint").filter(
+            has_text="score 0.70; likeness 0.80"
+        ).wait_for()
         page.get_by_test_id("words").fill(HOSTILE)
         page.get_by_test_id("send").click()
         assert answers.get(timeout=WAIT_S)["words"] == HOSTILE
