@@ -269,7 +269,9 @@ class Teaching:
         """Turn code that a person approved into a template under the subtask's key, if it ``worked`` by itself. Raises
         ``Stopped``."""
         if not judged.worked:
-            self._problem(str(judged.key), "approved, but no template: the code needed several beginnings")
+            failed = "approved although its program failed; no template is made of it"
+            begun = "approved, but no template: the code needed several beginnings"
+            self._problem(str(judged.key), failed if judged.ended else begun)
         if self._book is None:
             return
         self._book.note_use(judged.served, success=True, subtask=judged.key)
