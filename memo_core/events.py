@@ -79,9 +79,11 @@ class EntryServed:
     kind: str  # "correction", "general", "template", "call", "function"
     key: str
     text: str
-    score: float
+    score: float  # s(q, e) that it is ranked by
     action_cosine: float
     objects_cosine: float
+    key_score: float | None = None  # r(q, v); None: a general statement, or an older log
+    hint: bool = False  # its key is below the cut
 
 
 @attrs.frozen
@@ -162,6 +164,18 @@ class NameCorrected(Event):
 
 @attrs.frozen
 class EntryStored(Event):
+    entry: int
+    kind: str
+    key: str
+    text: str
+    feedback: int | None = None
+
+
+@attrs.frozen
+class EntryStruck(Event):
+    """A note that a person struck, or replaced by other words, when it was read back; its ``EntryStored`` came
+    before."""
+
     entry: int
     kind: str
     key: str

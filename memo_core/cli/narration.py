@@ -15,6 +15,7 @@ from memo_core.events import (
     CodeEnded,
     CodeWritten,
     EntryStored,
+    EntryStruck,
     Event,
     FeedbackGiven,
     ModelCalled,
@@ -146,12 +147,14 @@ class Narrator:
             self.say("  nothing relevant in the skillbook", "dim")
         else:
             table = Table(box=None, padding=(0, 1), show_header=True, header_style="dim")
-            for column in ("  served", "r", "action", "objects", "key", "text"):
+            for column in ("  served", "s", "r", "action", "objects", "key", "text"):
                 table.add_column(column, overflow="fold", no_wrap=column not in ("key", "text"))
             for one in event.served:
                 text = headline(one.kind, one.text)
-                numbers = [f"{v:.2f}" for v in (one.score, one.action_cosine, one.objects_cosine)]
-                table.add_row(f"  {one.kind}", *numbers, escape(one.key), escape(text))
+                of_key = (one.key_score, one.action_cosine, one.objects_cosine)
+                numbers = [f"{one.score:.2f}"] + ["" if one.key_score is None else f"{v:.2f}" for v in of_key]
+                hint = ", hint" if one.hint else ""
+                table.add_row(f"  {one.kind}{hint}", *numbers, escape(one.key), escape(text))
             self.console.print(table)
         for key, score, rule in event.cut[:NEAR_MISSES]:
             self.say(f"  not served: {key} (r {score:.2f}, {rule})", "dim")
@@ -196,6 +199,10 @@ class Narrator:
     def _on_EntryStored(self, event: EntryStored) -> None:
         text = headline(event.kind, event.text)
         self.console.print(f"  [green]learnt[/] {event.kind} [dim]{escape(event.key)}[/] {escape(text)}")
+
+    def _on_EntryStruck(self, event: EntryStruck) -> None:
+        text = headline(event.kind, event.text)
+        self.console.print(f"  [yellow]struck[/] {event.kind} [dim]{escape(event.key)}[/] {escape(text)}")
 
     def _on_SubtaskEnded(self, event: SubtaskEnded) -> None:
         colour = STATUS_COLOURS.get(event.status, "")

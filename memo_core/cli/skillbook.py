@@ -147,6 +147,8 @@ def search(
                     "key": s.key,
                     "text": s.text,
                     "score": s.score,
+                    "key_score": s.key_score,
+                    "hint": not s.passes,
                     "action_cosine": s.action_cosine,
                     "objects_cosine": s.objects_cosine,
                 }
@@ -160,9 +162,10 @@ def search(
         if json:
             print_json({"query": words, "results": results, "cut": cut})
             return
-        print_table(("score", "id", "kind", "key", "text"), [_found_row(result) for result in results])
+        scores = ("s", "r") if "(" in words else ("score",)
+        print_table((*scores, "id", "kind", "key", "text"), [_found_row(result) for result in results])
         for near in cut[:count]:
-            note(f"not served: {near['key']} ({near['score']:.2f}): {near['rule']}")
+            note(f"not served: {near['key']} (r {near['score']:.2f}): {near['rule']}")
 
 
 @app.command()
@@ -345,7 +348,9 @@ def _found_row(result: dict[str, Any]) -> tuple[Any, ...]:
     from memo_core.skillbook.model.entries import headline
 
     line = headline(result["kind"], result["text"])
-    return f"{result['score']:.3f}", result["id"], result["kind"], result["key"], line
+    scores = [f"{result[name]:.3f}" for name in ("score", "key_score") if name in result]
+    hint = ", hint" if result.get("hint") else ""
+    return *scores, result["id"], f"{result['kind']}{hint}", result["key"], line
 
 
 def _as_json(entry: Entry) -> dict[str, Any]:

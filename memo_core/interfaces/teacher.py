@@ -138,9 +138,9 @@ class Noted:
 
 @attrs.frozen
 class ReadBack:
-    """A person's reaction to a read-back. ``accepted``: the notes stay. ``reworded``: ``words`` replace what was said,
-    and the notes made of it are removed. ``struck``: the notes with the indices in ``struck`` are removed (0 is the
-    first), or all if it is empty.
+    """A person's reaction to a read-back. ``accepted``: the notes stay. ``reworded``: ``words`` replace the remark;
+    the notes made of it are removed once ``words`` gave notes. ``struck``: the notes with the indices in ``struck`` are
+    removed (0 is the first), or all if it is empty.
     """
 
     kind: Literal["accepted", "reworded", "struck"]

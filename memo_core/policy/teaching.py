@@ -8,7 +8,7 @@ from functools import partial
 import attrs
 
 from memo_core.errors import Stopped
-from memo_core.events import EntryStored, FeedbackGiven, NameCorrected, Problem
+from memo_core.events import EntryStored, EntryStruck, FeedbackGiven, NameCorrected, Problem
 from memo_core.interfaces import teacher
 from memo_core.interfaces.backend import Memory
 from memo_core.interfaces.llm import LanguageModelError
@@ -32,6 +32,7 @@ from memo_core.skills.contract import documentation
 from memo_core.text.reading_limits import excerpt, too_long
 
 ABOUT_NAMES = "it says what a thing is called: perception goes by it"
+KEPT_BEFORE = "What I noted before is kept."  # where a rewording of it gave no note
 READ_BACKS = 3  # of one remark: a rewording is noted and read back as well
 
 
@@ -82,6 +83,7 @@ class _Remark:
     subtasks: tuple[Key, ...]  # of the run, then
     asked: tuple[str, str] = ("", "")
     entries: tuple[Entry, ...] = ()
+    reworded: int = 0  # feedback whose notes, still ``entries``, go once its rewording gives notes
 
 
 class Teaching:
@@ -181,7 +183,8 @@ class Teaching:
                 return not noted.away
             if remark is None:
                 return True
-            remark.entries = noted.entries
+            if noted.entries:
+                self._replace(remark, noted)
             again = self._read_back(remark, noted)
             if again is None:
                 return True
@@ -208,23 +211,38 @@ class Teaching:
             return None
         notes = tuple(ReadNote(one.text, str(one.key) if one.key.objects else "") for one in noted.entries)
         question = noted.question or ("" if notes else "I could make nothing of that. What should I do differently?")
-        shown = teacher.Noted(remark.words, str(remark.judged.key), notes, question)
+        asked = f"{KEPT_BEFORE} {question}" if remark.reworded else question
+        shown = teacher.Noted(remark.words, str(remark.judged.key), notes, asked)
         answered = self._person.read_back(shown, remark.feedback, self.store_for(remark.judged))
         answer = answered.answer
-        if notes:
-            gone = set(range(len(notes))) if answer.kind == "reworded" or not answer.struck else set(answer.struck)
-            gone = set() if answer.kind == "accepted" else gone
-            said = [
-                Reaction(entry.id, "struck" if place in gone else "accepted")
-                for place, entry in enumerate(noted.entries)
-            ]
-            remark.entries = self._book.read_back(remark.feedback, said)
+        if answer.kind == "reworded":
+            remark.reworded = remark.reworded or (remark.feedback if notes else 0)
+        elif notes:
+            gone = () if answer.kind == "accepted" else answer.struck or range(len(notes))
+            self._settle(remark, remark.feedback, [entry for place, entry in enumerate(noted.entries) if place in gone])
+        elif remark.reworded:
+            self._settle(remark, remark.reworded, [])
         if answer.kind != "reworded":
             return None
         if not notes:
             remark.asked = (remark.words, question)
         remark.words = f"{remark.words.rstrip()}\n{excerpt(answer.words).strip()}"
         return feedback_of(self._raw, answered.feedback)
+
+    def _replace(self, remark: _Remark, noted: ProcessedFeedback) -> None:
+        """Replace the reworded notes of a remark by the notes made of the new words."""
+        if remark.reworded:
+            self._settle(remark, remark.reworded, remark.entries)
+        remark.entries, remark.reworded = noted.entries, 0
+
+    def _settle(self, remark: _Remark, feedback: int, gone: Sequence[Entry]) -> None:
+        """Store the person's reaction to the notes of a remark: ``gone`` are struck, the others accepted."""
+        assert self._book is not None
+        struck = {entry.id for entry in gone}
+        said = [Reaction(entry.id, "struck" if entry.id in struck else "accepted") for entry in remark.entries]
+        remark.entries = self._book.read_back(feedback, said)
+        for entry in gone:
+            self._session.emit(EntryStruck(entry.id, entry.kind, key_label(entry.key), entry.text, feedback))
 
     @property
     def makes_templates(self) -> bool:
@@ -262,7 +280,9 @@ class Teaching:
         """Turn code that a person approved into a template under the subtask's key, if it ``worked`` by itself. Raises
         ``Stopped``."""
         if not judged.worked:
-            self._problem(str(judged.key), "approved, but no template: the code needed several beginnings")
+            failed = "approved although its program failed; no template is made of it"
+            begun = "approved, but no template: the code needed several beginnings"
+            self._problem(str(judged.key), failed if judged.ended else begun)
         if self._book is None:
             return
         self._book.note_use(judged.served, success=True, subtask=judged.key)

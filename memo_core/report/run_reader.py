@@ -54,6 +54,7 @@ class Story:
     acts: list[Act] = attrs.field(factory=list)
     looks: list[tuple[Path, ...]] = attrs.field(factory=list)  # of each look, its pictures with boxes and names
     problems: list[str] = attrs.field(factory=list)
+    struck: set[int] = attrs.field(factory=set)  # entries that were struck, or reworded, in this run
     summary: dict[str, Any] = attrs.field(factory=dict)
 
 
@@ -97,6 +98,8 @@ def _note(story: Story, event: dict[str, Any]) -> None:
         story.acts[-1].tries.append(Try(event["attempt"], event.get("take", 1)))
     elif kind == "SubtaskEnded" and story.acts:
         story.acts[-1].status = event["status"]
+    elif kind == "EntryStruck":
+        story.struck.add(event["entry"])
     elif kind == "EntryStored" and (taught := _try_of(story, event["feedback"])) is not None:
         taught.learnt.append(event)
     elif story.acts and story.acts[-1].tries:

@@ -54,7 +54,7 @@ class _Ended(Generic[T]):
 class Supervisor:
     """Runs work in a worker thread, and handles questions to people and signals in this thread. ``attended``: the run
     is one of a study. It ends when the teacher has left, and with a simulated teacher, whom a stop says nothing, at the
-    first Ctrl-C."""
+    first Ctrl-C. Any run ends at the first Ctrl-C if there is no person to say what was wrong."""
 
     def __init__(self, stop: StopSwitch, teacher: Teacher | None = None, attended: bool = False) -> None:
         self.stop = stop
@@ -185,6 +185,9 @@ class Supervisor:
         verdict = question.put(self.teacher)
         if time.monotonic() - ready > NOBODY_S:
             self._last_press = -1e9  # a person answered: the next press is a new stop, not a second one
+        if self.teacher.simulated and verdict.kind == "silent":
+            self.end()
+            return Stopped("ending the run: there is nobody to say what was wrong")
         return verdict
 
     @contextlib.contextmanager

@@ -7,7 +7,7 @@ from memo_core.interfaces.teacher import Episode, Teacher, Verdict
 
 
 class SilentTeacher(Teacher):
-    """Says nothing. A stop that somebody presses nevertheless is answered by continuing."""
+    """Says nothing; a press of Ctrl-C ends the run."""
 
     simulated = True
 

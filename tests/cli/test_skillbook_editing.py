@@ -61,3 +61,9 @@ def test_an_entry_is_edited_removed_and_both_are_rolled_back(book: str, tmp_path
 def test_what_is_no_new_text_is_refused(book: str, arguments: tuple[str, ...], problem: str) -> None:
     with pytest.raises(InvalidArgument, match=problem):
         CliRunner().invoke(app, ["edit", *arguments, "--book", book], catch_exceptions=False)
+
+
+def test_a_search_for_a_subtask_tells_the_score_from_r(book: str) -> None:
+    [found, _] = memo("search", "OPEN(door)", "--book", book, "--json")["results"]
+    assert found["key_score"] == pytest.approx(1.0) and found["hint"] is False
+    assert found["score"] != found["key_score"], "the text counts, too"

@@ -100,6 +100,18 @@ def test_nonsense_of_equal_length_changes_nothing_and_is_reported():
     assert answer.not_understood and "Not understood" in code
 
 
+def test_a_note_that_changes_nothing_in_the_code_is_not_said_to_be_followed():
+    graph, *_ = box_with_door()
+    turn = "Lead it through 90 degrees."
+    alone, answer = write(graph, "OPEN(crate)", [turn])
+    assert f"# Cannot follow: {turn}" in alone and "As told" not in alone and answer.not_understood == ()
+    for notes in ([turn, ARC], [ARC, turn]):  # whichever is applied first
+        both, _ = write(graph, "OPEN(crate)", notes)
+        assert "ANGLE = 90" in both and f"# As told: {turn}" in both and "Cannot follow" not in both
+    twice, _ = write(graph, "OPEN(crate)", [ARC], general=["Doors swing: lead the handle along an arc."])
+    assert "Cannot follow" not in twice, "either one would do alone"
+
+
 def uncommented(code: str) -> str:
     return "\n".join(line for line in code.splitlines() if not line.startswith("#")).strip()
 

@@ -97,6 +97,19 @@ def test_a_remark_that_teaches_nothing_teaches_nothing(words):
 
 
 @pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ("the door rotates about a vertical axis on its left side, so follow a circle", ["arc"]),
+        ("grip it on the right side", []),
+        ("the hinge is on its left side", ["hinge on the left"]),
+        ("come from the left side", ["from the left"]),
+    ],
+)
+def test_a_side_of_a_thing_is_no_direction(words, expected):
+    assert names(words) == expected
+
+
+@pytest.mark.parametrize(
     ("words", "doubt"),
     [
         ("don't lift it higher", "denied"),

@@ -145,6 +145,17 @@ def test_code_that_only_finished_what_other_code_began_makes_no_template(sandbox
     bench = Bench(sandbox, book, {"plan": ["PICK_UP(red cube)", "DONE"], "code": [half, GRASP]}, [YES])
     assert bench.run().subtasks[0].status == "approved"
     assert not book.entries("template")
+    assert any("needed several beginnings" in one.message for one in bench.of(Problem))
+
+
+def test_an_approved_program_that_failed_makes_no_template_and_that_is_said(sandbox, book):
+    far = "```python\nmove_to([0.9, 0.9, 0.5])\n```"
+    bench = Bench(sandbox, book, {"plan": ["PICK_UP(red cube)", "DONE"], "code": [far] * 3}, [YES])
+    assert bench.run().subtasks[0].status == "approved"
+    assert not book.entries("template")
+    assert "approved although its program failed; no template is made of it" in [
+        one.message for one in bench.of(Problem)
+    ]
 
 
 def test_errors_to_the_end_are_said_aloud_to_whoever_watches(sandbox, book):

@@ -7,7 +7,7 @@ import json
 
 import pytest
 
-from memo_core.events import CodeEnded
+from memo_core.events import CodeEnded, EntryStruck
 from memo_core.interfaces.teacher import ReadBack, Verdict
 from memo_core.policy.plan_feedback import for_plans
 from memo_core.skillbook.book import Skillbook
@@ -304,6 +304,7 @@ def test_a_note_that_is_struck_is_gone_from_the_book_and_from_the_retry(sandbox,
     assert [one.text for one in book.entries("correction")] == ["Go slowly."]
     assert "Pull it." not in bench.llm.prompts("code")[1] and "Go slowly." in bench.llm.prompts("code")[1]
     assert sorted(one.outcome for one in book.read_backs()) == ["accepted", "struck"]
+    assert [one.text for one in bench.of(EntryStruck)] == ["Pull it."]
 
 
 def test_a_rewording_replaces_what_was_noted_and_is_read_back_as_well(sandbox, book):
@@ -316,6 +317,39 @@ def test_a_rewording_replaces_what_was_noted_and_is_read_back_as_well(sandbox, b
     assert len(heard) == 2 and heard[1].notes[0].text == "Push it."
     retry = section(bench.llm.prompts("code")[1], "Just corrected")
     assert "> I meant push it" in retry and "Push it." in retry and "Pull it." not in retry
+
+
+def test_a_rewording_that_gives_no_note_leaves_the_note_that_was_understood(sandbox, book):
+    heard, session = read_back(ReadBack("reworded", "right, but only the upper one"))
+    script = SCRIPT | {"feedback": [notes("Pull it."), notes(unclear="The upper one of what?")]}
+    bench = Bench(sandbox, book, script, [NO, YES], session=session)
+    bench.run()
+    [kept] = book.entries("correction")
+    assert kept.text == "Pull it." and [one.outcome for one in book.read_backs()] == ["accepted"]
+    assert "Pull it." in section(bench.llm.prompts("code")[1], "Just corrected")
+    [aside] = book.pending_feedback(parked=True)
+    assert aside.words == "right, but only the upper one" and "The upper one of what?" in aside.reason
+    assert heard[1].notes == () and "noted before is kept" in heard[1].question
+    assert not bench.of(EntryStruck)
+
+
+def test_a_second_rewording_that_gives_notes_replaces_the_first_note(sandbox, book):
+    _, session = read_back(ReadBack("reworded", "not that"), ReadBack("reworded", "push it"))
+    script = SCRIPT | {"feedback": [notes("Pull it."), notes(unclear="What then?"), notes("Push it.")]}
+    bench = Bench(sandbox, book, script, [NO, YES], session=session)
+    bench.run()
+    assert [one.text for one in book.entries("correction")] == ["Push it."]
+    assert [(one.text, one.kind) for one in bench.of(EntryStruck)] == [("Pull it.", "correction")]
+
+
+def test_a_rewording_that_gives_the_same_note_again_keeps_it(sandbox, book):
+    _, session = read_back(ReadBack("reworded", "pull it, and slowly"))
+    script = SCRIPT | {"feedback": [notes("Pull it."), notes("Pull it.", "Go slowly.")]}
+    bench = Bench(sandbox, book, script, [NO, YES], session=session)
+    bench.run()
+    assert sorted(one.text for one in book.entries("correction")) == ["Go slowly.", "Pull it."]
+    prompt = section(bench.llm.prompts("code")[1], "Just corrected")
+    assert prompt.count("Pull it.") == 1
 
 
 def test_where_nothing_was_learnt_the_person_is_asked_before_anything_is_tried_again(sandbox, book):

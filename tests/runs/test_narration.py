@@ -30,10 +30,10 @@ def test_no_retrieved_entry_is_cut_off_at_the_edge():
     key, text = "PUT_ON(block from the long shelf, the large green kitchen mat)", "Grasp it from above, then lift it."
     shown = io.StringIO()
     Narrator(Console(file=shown, width=80, no_color=True, highlight=False))(
-        Retrieved("PUT_ON(block, mat)", (EntryServed(1, "correction", key, text, 0.91, 0.92, 0.93),))
+        Retrieved("PUT_ON(block, mat)", (EntryServed(1, "correction", key, text, 0.91, 0.92, 0.93, 0.94),))
     )
     assert "…" not in shown.getvalue()
-    for word in f"{key} {text} 0.91 0.92 0.93 correction".split():
+    for word in f"{key} {text} 0.91 0.92 0.93 0.94 correction".split():
         assert word in shown.getvalue()
 
 
@@ -77,3 +77,22 @@ def test_a_replay_tells_recorded_times_and_once_how_the_answers_fit():
     assert "plan: relay, recorded: 13.65 s" in shown.getvalue() and changed not in shown.getvalue()
     narrator.tell_matches()
     assert shown.getvalue().count(changed) == 1 and f"2 answers: {changed}" in shown.getvalue()
+
+
+def table_of(*served):
+    shown = io.StringIO()
+    console = Console(file=shown, width=200, no_color=True, highlight=False)
+    Narrator(console)(Retrieved("OPEN(oven)", served, (("PUT(pan, oven)", 0.74, "below the cut 0.85"),)))
+    return [line.split() for line in shown.getvalue().splitlines()]
+
+
+def test_the_score_and_the_keys_likeness_are_told_apart_and_hints_are_marked():
+    near = EntryServed(1, "correction", "OPEN(fridge)", "In an arc.", 0.684, 1.0, 0.66, 0.915)
+    hint = EntryServed(2, "template", "PULL(drawer)", "def pull(): ...", 0.7, 0.8, 0.7, 0.775, hint=True)
+    general = EntryServed(3, "general", "*", "Go slowly.", 0.41, 0.0, 0.0)
+    head, *rows, cut = table_of(near, hint, general)
+    assert head == ["served", "s", "r", "action", "objects", "key", "text"]
+    assert rows[0][:6] == ["correction", "0.68", "0.92", "1.00", "0.66", "OPEN(fridge)"]
+    assert rows[1][:5] == ["template,", "hint", "0.70", "0.78", "0.80"]
+    assert rows[2][:4] == ["general", "0.41", "*", "Go"], "a general statement has no key"
+    assert cut[:5] == ["not", "served:", "PUT(pan,", "oven)", "(r"]

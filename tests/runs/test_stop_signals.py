@@ -360,22 +360,30 @@ def test_a_signal_that_another_thread_receives_is_heard_all_the_same():
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def test_where_nobody_answers_a_second_press_ends_the_run():
-    stop = StopSwitch()
-    supervisor = Supervisor(stop, SilentTeacher())
+@pytest.mark.parametrize("person", [False, True])
+def test_a_stop_that_gets_no_answer_ends_the_run_only_where_there_is_nobody_to_ask(person):
+    stop, teacher = StopSwitch(), SilentTeacher()
+    teacher.simulated = not person  # a person at the terminal may say nothing: the attempt begins again
+    supervisor = Supervisor(stop, teacher)
 
-    def work() -> str:
-        for _ in range(2):
-            os.kill(os.getpid(), signal.SIGINT)
-            give_up = time.monotonic() + 5
-            while not stop.pressed and time.monotonic() < give_up:
-                time.sleep(0.001)
-            with contextlib.suppress(Stopped):
-                supervisor.ask(an_episode(), interrupted=True)
-            stop.release()
-        return "ending" if supervisor.ending else "endless"
+    def work() -> bool:
+        os.kill(os.getpid(), signal.SIGINT)
+        give_up = time.monotonic() + 5
+        while not stop.pressed and time.monotonic() < give_up:
+            time.sleep(0.001)
+        with contextlib.suppress(Stopped):
+            supervisor.ask(an_episode(), interrupted=True)
+        return supervisor.ending
 
-    assert supervisor.run(work) == "ending"
+    assert supervisor.run(work) is not person
+
+
+def test_a_second_press_ends_the_run_of_a_person():
+    supervisor = Supervisor(StopSwitch(), Patient())
+    supervisor.press()
+    assert not supervisor.ending
+    supervisor.press()
+    assert supervisor.ending
 
 
 @pytest.mark.parametrize(

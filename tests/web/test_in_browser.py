@@ -23,6 +23,7 @@ from memo_core.events import (
     CodeWritten,
     EntryServed,
     EntryStored,
+    EntryStruck,
     FeedbackGiven,
     Problem,
     Retrieved,
@@ -190,7 +191,7 @@ def test_hostile_text_is_text_in_every_field(browser, pages):
     pages.on("remark", answers.put)
     pages_hear(RunStarted(HOSTILE, HOSTILE, HOSTILE, 0, {}))
     pages_hear(SubtaskStarted(HOSTILE, 1, 1))
-    served = EntryServed(1, HOSTILE, HOSTILE, HOSTILE, 0.9, 0.9, 0.9)
+    served = EntryServed(1, HOSTILE, HOSTILE, HOSTILE, 0.7, 0.9, 0.9, 0.8, hint=True)
     pages_hear(Retrieved(HOSTILE, (served,), ((HOSTILE, 0.1, HOSTILE),)))
     pages_hear(CodeWritten(HOSTILE, 1, f"{HOSTILE}\n```\n{HOSTILE}"))
     pages_hear(SkillStarted(HOSTILE, 1, HOSTILE))
@@ -221,6 +222,9 @@ def test_hostile_text_is_text_in_every_field(browser, pages):
         page.get_by_test_id("said").filter(has_text="noted").wait_for()
         for place in ("task", "question", "done", "program", "retrieved", "said"):
             page.get_by_test_id(place).filter(has_text=HOSTILE).wait_for()
+        page.get_by_test_id("retrieved").filter(has_text="a hint").filter(
+            has_text="score 0.70; likeness 0.80"
+        ).wait_for()
         page.get_by_test_id("words").fill(HOSTILE)
         page.get_by_test_id("send").click()
         assert answers.get(timeout=WAIT_S)["words"] == HOSTILE
@@ -228,6 +232,19 @@ def test_hostile_text_is_text_in_every_field(browser, pages):
         page.get_by_test_id("replay-code").filter(has_text="onerror").wait_for()
         assert page.evaluate("window.hacked") is None
         assert not page.locator("img[src=x], .q-page script").count()
+
+
+def test_a_note_that_was_struck_is_shown_as_struck(browser, pages):
+    pages_hear(RunStarted("run-1", "task", "open it", 0, {}))
+    for number, text in ((1, "Pull it."), (2, "Push it.")):
+        pages_hear(EntryStored(number, "correction", "OPEN(door)", text))
+    pages_hear(EntryStruck(1, "correction", "OPEN(door)", "Pull it."))
+    pages.send("stage", keep="stage", stage=stage())
+    with opened(browser, f"{pages.url}teach") as page:
+        page.get_by_text("What was said and noted", exact=True).click()
+        page.get_by_text("noted (correction, OPEN(door)): Push it.").wait_for()
+        page.locator(".text-strike", has_text="struck (correction, OPEN(door)): Pull it.").wait_for()
+        assert page.locator(".text-strike").count() == 1
 
 
 def test_long_words_are_refused_and_stay_in_the_field(browser, pages):

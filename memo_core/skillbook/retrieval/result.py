@@ -63,8 +63,10 @@ class RetrievedEntry:
         return self.entry.text
 
     def event(self) -> events.EntryServed:
+        cosines = (self.action_cosine, self.objects_cosine)
+        key_score = self.key_score if self.alike else None
         return events.EntryServed(
-            self.entry.id, self.entry.kind, self.key, self.text, self.score, self.action_cosine, self.objects_cosine
+            self.entry.id, self.entry.kind, self.key, self.text, self.score, *cosines, key_score, not self.passes
         )
 
 

@@ -14,7 +14,7 @@ from memo_offline.phrases import Amount, load
 from memo_offline.planning import wish_in
 from memo_offline.reading import Edit, Reading, read
 from memo_offline.recipe import Recipe
-from memo_offline.writing import FOLLOWED, plain_recipe
+from memo_offline.writing import FOLLOWED, NOT_FOLLOWED, NOT_UNDERSTOOD, plain_recipe
 
 _ASKED = re.compile(r"\A(.*)\n\(asked back: .*?\)\n(.*)\Z", re.S)
 _OPENERS = re.compile(
@@ -139,9 +139,11 @@ def _comments(code: str) -> list[str]:
             if lines:
                 break
             continue
+        if line.startswith((f"# {NOT_FOLLOWED}", f"# {NOT_UNDERSTOOD}")):
+            break
         if line.startswith(f"# {FOLLOWED}"):
             lines.append(line[2 + len(FOLLOWED) :])
-        elif lines and not line.startswith("# Not understood"):
+        elif lines:
             lines[-1] += f" {line[2:]}"
     return lines
 

@@ -40,7 +40,7 @@ class Edit:
     def note(self) -> str:
         """The edit as a note: a sentence that is read as the same edit."""
         text = self.phrase.say.format(amount=self.amount.said if self.amount else "")
-        return re.sub(r"\s+(?=[.,])", "", " ".join(text.split()))
+        return re.sub(r"\s+(?=[.,])", "", " ".join(text.split())).replace("through by ", "through ")
 
 
 @attrs.frozen

@@ -3,6 +3,8 @@ last."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Sequence
+
 import attrs
 
 from memo_core.plugin import Node, Prompt, PromptEntry, SceneGraph, read_subtask
@@ -15,6 +17,8 @@ from memo_offline.surroundings import descendants, find
 from memo_offline.templates import adopt
 
 FOLLOWED = "As told: "  # begins a comment that holds a note which the code follows
+NOT_FOLLOWED = "Cannot follow: "  # begins one with a note that is understood and changes nothing in this code
+NOT_UNDERSTOOD = "Not understood: "
 
 
 @attrs.frozen
@@ -65,22 +69,53 @@ def _code(prompt: Prompt, imagination: Imagination, of_this_alone: bool = False)
         recipe = shaped or recipe
     just = [note for one in prompt.corrected() for note in one.notes]  # newest first
     corrections = [one for one in corrections if not one.hint or _alike(one, prompt)]
-    followed: list[str] = []
-    # Lists come best first: the best is applied last, and corrections after general statements.
-    for entry in reversed([*just, *corrections, *prompt.entries("general")]):
-        reading = read(entry.text, scene.nodes)
-        missed += [] if reading.edits else [entry.text]
-        for edit in reading.edits:
+    entries = [*just, *corrections, *prompt.entries("general")]
+    missed += [entry.text for entry in reversed(entries) if not read(entry.text, scene.nodes).edits]
+    not_understood = tuple(dict.fromkeys(missed))
+
+    def written(recipe: Recipe, remarks: Sequence[str] = ()) -> str:
+        return render(recipe, prompt.section("subtask"), scene, prompt.task, list(remarks))
+
+    recipe, followed, ignored = _follow(entries, recipe, plain, scene, written)
+    # Nothing here counts the attempts: code that is the same again must read the same, for that says "no other idea".
+    remarks = [f"{FOLLOWED}{text}" for text in followed]
+    remarks += [f"{NOT_FOLLOWED}{text}" for text in ignored]
+    remarks += [f"{NOT_UNDERSTOOD}{words}" for words in not_understood]
+    return Code(written(recipe, remarks), not_understood)
+
+
+def _follow(
+    entries: Sequence[PromptEntry], first: Recipe, plain: Recipe, scene: SceneGraph, written: Callable[[Recipe], str]
+) -> tuple[Recipe, list[str], list[str]]:
+    """The recipe with the edits of all entries, the texts of the entries that its code follows, and the texts that
+    change nothing in the code; best first."""
+    changed: dict[str, bool] = {}  # text of an entry that changed the recipe: whether the code changed with it
+    recipe = first
+    for text, before, after in _applied(entries, first, plain, scene):
+        seen = changed.pop(text, False)
+        changed[text] = seen or written(after) != written(before)
+        recipe = after
+    for text in [text for text, seen in changed.items() if not seen]:
+        # It may have prepared what another one made use of: an angle, and then an arc.
+        left = [after for *_, after in _applied([one for one in entries if one.text != text], first, plain, scene)]
+        without = left[-1] if left else first
+        changed[text] = written(without) != written(recipe)
+    best_first = list(reversed(changed))
+    return recipe, [text for text in best_first if changed[text]], [text for text in best_first if not changed[text]]
+
+
+def _applied(
+    entries: Sequence[PromptEntry], recipe: Recipe, plain: Recipe, scene: SceneGraph
+) -> Iterator[tuple[str, Recipe, Recipe]]:
+    """Each edit that changes the recipe: the text of its entry, the recipe before and after. Entries come best first:
+    the best is applied last, and corrections after general statements."""
+    for entry in reversed(entries):
+        for edit in read(entry.text, scene.nodes).edits:
             if edit.phrase.matter == "sense" and not _of_this(entry, plain, scene):
                 continue  # the other way round is one only beside the attempt it was said of
             before, recipe = recipe, apply(recipe, edit, plain)
             if recipe != before:
-                followed = [*(one for one in followed if one != entry.text), entry.text]
-    not_understood = tuple(dict.fromkeys(missed))
-    # Nothing here counts the attempts: code that is the same again must read the same, for that says "no other idea".
-    remarks = [f"{FOLLOWED}{text}" for text in reversed(followed)]
-    remarks += [f"Not understood: {words}" for words in not_understood]
-    return Code(render(recipe, prompt.section("subtask"), scene, prompt.task, remarks), not_understood)
+                yield entry.text, before, recipe
 
 
 def _of_this(entry: PromptEntry, recipe: Recipe, scene: SceneGraph) -> bool:

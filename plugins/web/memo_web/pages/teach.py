@@ -285,23 +285,26 @@ class TeachingPage:
             if not found["served"]:
                 ui.label("Nothing in its skillbook is about this.")
             for one in found["served"]:
-                why = f"likeness {one['score']:.2f}: of the action {one['action_cosine']:.2f}, of the objects "
+                hint = ", a hint" if one.get("hint") else ""
                 with ui.column().classes("gap-0 w-full"):
-                    ui.label(f"{one['kind']}, {one['key']}").classes("text-bold memo-text")
+                    ui.label(f"{one['kind']}, {one['key']}{hint}").classes("text-bold memo-text")
                     ui.label(one["text"]).classes("memo-text")
-                    ui.label(f"{why}{one['objects_cosine']:.2f}").classes("text-caption")
+                    ui.label(_why(one)).classes("text-caption")
             for key, score, rule in found["cut"][:_NEAR_MISSES]:
                 ui.label(f"not used: {key} (likeness {score:.2f}, {rule})").classes("text-caption memo-text")
 
     def _show_said(self) -> None:
         self._said.clear()
+        struck = {event["data"]["entry"] for event in self._view.events if event["event"] == "EntryStruck"}
         with self._said:
             for event in self._view.events:
                 data = event["data"]
                 if event["event"] == "FeedbackGiven":
                     ui.label(f"{data['who']}, about {data['subtask']}: {data['words']}").classes("memo-text")
                 elif event["event"] == "EntryStored":
-                    ui.label(f"noted ({data['kind']}, {data['key']}): {data['text']}").classes("memo-text q-pl-md")
+                    gone = data["entry"] in struck
+                    note = ui.label(f"{'struck' if gone else 'noted'} ({data['kind']}, {data['key']}): {data['text']}")
+                    note.classes("memo-text q-pl-md" + " text-strike" * gone)
                 elif event["event"] == "Problem":
                     ui.label(f"{data['where']}: {data['message']}").classes("memo-text text-negative")
 
@@ -324,6 +327,14 @@ class TeachingPage:
             old = not picture.note and view.behind(picture) > FRESH_S
             if self._changed(f"old {camera}", old):
                 image.classes(add="memo-old") if old else image.classes(remove="memo-old")
+
+
+def _why(one: dict[str, Any]) -> str:
+    score = f"score {one['score']:.2f}"
+    if one["key_score"] is None:  # a general statement: it has no key
+        return score
+    parts = f"of the action {one['action_cosine']:.2f}, of the objects {one['objects_cosine']:.2f}"
+    return f"{score}; likeness {one['key_score']:.2f}: {parts}"
 
 
 def _ending(view: RunView) -> str:
