@@ -126,8 +126,8 @@ def _listened(link: Link, seconds: float) -> Check:
 
 
 def _clock_problem(passed: float, seconds: float) -> str:
-    """How the robot's clock, which went on by ``passed`` (s) in ``seconds``, cannot time a motion; empty if it can. A slow
-    one may be a busy computer's."""
+    """Why the robot's clock, which went on by ``passed`` (s) in ``seconds``, cannot time a motion; empty if it can. A
+    slow one may be a busy computer's."""
     if passed <= _STANDS * seconds:
         return f"the robot's clock stands still: it went {passed:.2f} s in {seconds:g} s"
     if passed > 1.05 * seconds + 0.02:

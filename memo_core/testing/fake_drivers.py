@@ -94,8 +94,8 @@ class FakeDriverLink(IdealLink):
         super()._advance(targets)
         if self.real_time:
             now = time.monotonic()
-            self._due = max(self._due + self.control_period, now)  # what is late is not made up for
-            time.sleep(self._due - now)
+            self._due = (self._due if now < self._due + self.control_period else now) + self.control_period
+            time.sleep(max(0.0, self._due - now))
 
     def set_gripper(self, width: float, force: float) -> None:
         super().set_gripper(width, force)

@@ -79,7 +79,7 @@ def test_an_arm_that_is_not_where_its_driver_believes_gets_no_command(clock):
             link.send(link.joint_targets())
     with pytest.raises(RobotFault, match="joint1"):
         link.check("moving", link.joint_targets()[None])
-    with pytest.raises(BackendUnavailable, match="joint1 is at 0.300"):
+    with pytest.raises(BackendUnavailable, match=r"joint1 is at 0\.300"):
         link.check_ready("10.0.0.2")
     link.halt(np.array([link.joint_targets()]))
     assert not inner.sent

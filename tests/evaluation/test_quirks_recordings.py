@@ -18,9 +18,7 @@ pytestmark = pytest.mark.sim
 ROOT = Path(__file__).parents[2]
 RECORDED = ROOT / "tests" / "data" / "recordings" / "quirks"
 COMPARED = ("given", "task", "success", "first_programs", "programs", "lesson_needed", "lesson_served")
-NEAR_SLIPPING = {
-    ("lessons", "turn-on-the-heater"): {2, 3}
-}  # whether program 2 slips depends on the processor's rounding
+NEAR_SLIPPING = {("lessons", "turn-on-the-heater"): {2, 3}}  # whether program 2 slips depends on the processor's rounding
 
 
 @pytest.mark.slow
