@@ -221,9 +221,7 @@ class GuardedLink(Link):
         self._rest(paced=True)
         taken = f"{self._hasty} commands in {1000 * (now - self._hasty_from):.0f} ms"
         problem = f"stopped, since its driver took {taken}, where each takes {1000 * period:g} ms"
-        raise RobotFault(
-            self.description.name, "pace", problem, "its send() must wait for a deadline of the control period"
-        )
+        raise RobotFault(self.description.name, "pace", problem, "its send() must wait for a deadline")
 
     def _wrong(self, joints: Array) -> str:
         """The limit that joint positions (n, T) violate; empty if none."""

@@ -12,7 +12,6 @@ from memo_core.interfaces.simulator import Simulator
 from memo_core.robot.description import GripperDescription, RobotDescription
 from memo_core.scene.pose import Array
 
-
 _MOVED_BY_THE_ARM = "the robot's driver moves this gripper"
 _REMEDY = "set robot.gripper_driver, or move the gripper in the link where gripper.included"
 

@@ -36,8 +36,8 @@ def connected(experiment: Experiment) -> Iterator[Link]:
         The open link.
 
     Raises:
-        BackendUnavailable: if another process moves the robot, it cannot be connected to, or ``GuardedLink.check_ready``
-            refuses it.
+        BackendUnavailable: if another process moves the robot, it cannot be connected to, or
+            ``GuardedLink.check_ready`` refuses it.
         InvalidArgument: if the driver cannot move this robot.
         RobotFault: if the robot does not accept commands.
     """

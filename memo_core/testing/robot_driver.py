@@ -30,6 +30,7 @@ Rule = Callable[[Make, RobotDescription], None]
 
 _ELSEWHERE = 0.2  # rad by which the home posture is changed, so that an arm stands away from it
 _LISTENING_S = 0.2
+_STILL_TICKS = 30  # control periods in which fingers that have nearly arrived come to rest
 _GRIPPER_KEY = "robot.gripper_driver"
 
 _RULES: Rules[Rule] = Rules()
@@ -201,12 +202,13 @@ def the_gripper_that_is_configured_moves(make: Make, robot: RobotDescription) ->
         link.open()
         try:
             _moves_fingers(link)
-        except BackendUnavailable as error:
-            raise AssertionError(f"with gripper_driver {type(gripper).__name__}: {error}") from None
+        except (AssertionError, BackendUnavailable) as error:
+            kind = "included" if gripper.included else "one with its own connection"
+            raise AssertionError(f"where the gripper driver is {kind}: {error}") from None
         finally:
             link.close()
         if gripper is separate:
-            assert "move" in separate.calls, f"the gripper heard {separate.calls}, and no move"
+            assert "move" in separate.calls, f"a separate gripper heard {separate.calls}, and no move"
 
 
 def _moves_fingers(link: Link) -> None:
@@ -217,6 +219,8 @@ def _moves_fingers(link: Link) -> None:
         ticks = int((2 * gripper.stroke / gripper.speed + 1.0) / link.control_period)
         arrived = any(_at(link, width, target) for _ in range(ticks))
         assert arrived, f"commanded {width:.3f} m, reached {link.gripper_width():.3f} m"
+        for _ in range(_STILL_TICKS):
+            link.send(target)
         assert not link.holding(), f"it claims to hold something at {width:.3f} m, with nothing there"
 
 
