@@ -87,7 +87,7 @@ class GuardedLink(Link):
     def release(self) -> None:
         self._inner.release()
         self._begin()
-        self._gap = _CARRIED
+        self._gap = _CARRIED if self._gap is None else self._gap
 
     def recover(self) -> None:
         self._inner.recover()
@@ -116,11 +116,8 @@ class GuardedLink(Link):
         if problem := apart(self._inner):
             raise BackendUnavailable("robot", address, f"the first command would make it leap: {problem}", STARTS)
         if outside := self.outside():
-            problem, remedy = (
-                f"it is outside its limits: {outside}",
-                "guide it by hand until it is within hardware.safety",
-            )
-            raise BackendUnavailable("robot", address, problem, remedy)
+            remedy = "guide it by hand until it is within hardware.safety"
+            raise BackendUnavailable("robot", address, f"it is outside its limits: {outside}", remedy)
 
     # -- commands ------------------------------------------------------------------------------------------------------
     def check(self, skill: str, targets: Array) -> None:
@@ -205,8 +202,8 @@ class GuardedLink(Link):
             raise RobotFault(self.description.name, "targets", told, STARTS)
 
     def _check_pace(self) -> None:
-        """Stop an arm whose driver does not wait until the control period has passed: it would move as many times faster
-        as its driver is faster. A simulator may."""
+        """Stop an arm whose driver does not wait until the control period has passed: the arm would move faster than
+        planned. A simulator may."""
         if not self._inner.real_time:
             return
         now, period = time.monotonic(), self.control_period

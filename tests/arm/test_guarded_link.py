@@ -115,6 +115,16 @@ def test_after_a_recovery_the_arm_starts_from_where_it_is(clock):
         def recover(self):
             self._targets = self.joint_positions()
 
+    forgetful = RealArm(clock)
+    forgetful.recover = lambda: None
+    link = guarded(forgetful)
+    link.send(link.joint_targets())
+    link.stop()
+    forgetful.stands = np.array(ROBOT.home) + 0.1
+    link.recover()
+    link.release()
+    with pytest.raises(RobotFault, match="leap"):
+        link.send(link.joint_targets())
     inner = Recovering(clock)
     link = guarded(inner)
     link.send(link.joint_targets())
