@@ -1,16 +1,20 @@
 """The last check of commands to a real robot: limits that no program, plan or bug in the layers above can exceed. It is
 between the arm's code and a driver's link. Commands that would leave the workspace, violate a joint's margin or exceed
-the tool's speed are refused before they are sent; if the measured force is too large, the arm comes to rest. This is
-not a certified safety function.
+the tool's speed are refused before they are sent; if the measured force is too large, the arm comes to rest. The driver
+is checked too: its targets must start where the arm is measured, and its sends must take as long as they should. This
+is not a certified safety function.
 """
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 
 from memo_core.arm.inverse_kinematics import Kinematics
+from memo_core.arm.settling import APART, apart
 from memo_core.arm.trajectory import stopping
-from memo_core.errors import MotionError
+from memo_core.errors import BackendUnavailable, MotionError, RobotFault
 from memo_core.interfaces.link import Health, Link
 from memo_core.robot.description import RobotDescription
 from memo_core.robot.safety import SafetyLimits
@@ -18,6 +22,10 @@ from memo_core.scene.pose import Array
 
 _ROUNDING = 1.02  # share of the tool's speed that is let pass
 _FELT_TICKS = 3  # control periods of too much force that end a motion
+_CARRIED = 0.2  # rad between target and measured position after a stop: contact explains less
+_PACE = 0.9  # share of the control period that a send takes at least, on average
+_AHEAD_S = 0.05  # by which sends may be ahead of the clock on the wall
+STARTS = "its open(), and release() and recover(), must start joint_targets() at the measured positions"
 
 
 class GuardedLink(Link):
@@ -38,6 +46,7 @@ class GuardedLink(Link):
         super().__init__(limits.kept_by(robot))
         self._inner = inner
         self._limits = limits
+        self.real_time = inner.real_time
         self.control_period = inner.control_period
         self.feels_force = inner.feels_force
         self.gives_way = inner.gives_way
@@ -51,11 +60,15 @@ class GuardedLink(Link):
         self._tare = np.zeros(3)
         self._felt = 0
         self._before = self._last = self._place = np.zeros(0)
+        self._gap: float | None = APART  # allowed between targets and measured positions; None once it has moved
+        self._sent_at = self._ahead = 0.0  # s: when the last command was sent, and by how much it was early
+        self._hasty, self._hasty_from = 0, 0.0  # commands since the last that was not early, and when that was
 
     # -- life ----------------------------------------------------------------------------------------------------------
     def open(self) -> None:
         self._inner.open()
         self._begin()
+        self._gap = APART
         if self.feels_force:
             self._tare = self._inner.contact_wrench()[:3]
 
@@ -74,14 +87,37 @@ class GuardedLink(Link):
     def release(self) -> None:
         self._inner.release()
         self._begin()
+        self._gap = _CARRIED if self._gap is None else self._gap
 
     def recover(self) -> None:
         self._inner.recover()
+        if self._inner.health().ready:  # it is open
+            self._begin()
+        self._gap = APART
 
     def outside(self) -> str:
         """How the arm is outside its limits, in one sentence; empty if it is not."""
         joints = self._inner.joint_positions()
         return self._wrong(joints[:, None]) or ""
+
+    def check_ready(self, address: str) -> None:
+        """Check everything that must hold before the arm moves for the first time.
+
+        Args:
+            address: name of the robot in errors.
+
+        Raises:
+            BackendUnavailable: if the robot does not accept commands, its driver would start from elsewhere than where
+                the arm is measured, or it is outside its limits.
+        """
+        health = self.health()
+        if not health.ready:
+            raise BackendUnavailable("robot", address, health.problem)
+        if problem := apart(self._inner):
+            raise BackendUnavailable("robot", address, f"the first command would make it leap: {problem}", STARTS)
+        if outside := self.outside():
+            remedy = "guide it by hand until it is within hardware.safety"
+            raise BackendUnavailable("robot", address, f"it is outside its limits: {outside}", remedy)
 
     # -- commands ------------------------------------------------------------------------------------------------------
     def check(self, skill: str, targets: Array) -> None:
@@ -89,7 +125,9 @@ class GuardedLink(Link):
 
         Raises:
             MotionError: with cause ``workspace`` if a target is beyond the limits, or too fast to reach.
+            RobotFault: if the driver's targets are not where the arm is measured before it first moves.
         """
+        self._check_start()
         rows = np.asarray(targets, dtype=float).T
         problem = self._wrong(rows) or self._too_fast(np.column_stack([self._inner.joint_targets(), rows]))
         if problem:
@@ -101,18 +139,22 @@ class GuardedLink(Link):
         Raises:
             MotionError: if a limit ends the motion, the arm at rest: cause ``workspace`` for the target, ``force`` for
                 the measured force.
+            RobotFault: if the driver's targets are not where the arm is measured before it first moves; if sends follow
+                faster than the clock on the wall allows, the arm at rest and the stop latched.
         """
+        self._check_start()
         row = np.asarray(targets, dtype=float)
         problem = self._wrong(row[:, None]) or self._too_fast(np.column_stack([self._last, row]))
         if problem:
             self._rest()
             raise MotionError("motion", f"ended by this robot's safety limits: {problem}", cause="workspace")
         self._check_force()
+        self._check_pace()
         self._inner.send(row)
-        self._before, self._last = self._last, row
+        self._before, self._last, self._gap = self._last, row, None
 
     def halt(self, targets: Array) -> None:
-        self._inner.halt(targets)
+        self._inner.halt(targets if self._gap is None else targets[:0])  # what has not moved needs no braking
         self._begin()
 
     def set_gripper(self, width: float, force: float) -> None:
@@ -151,6 +193,32 @@ class GuardedLink(Link):
     def _begin(self) -> None:
         self._before = self._last = self._inner.joint_targets()
         self._felt = 0
+        self._ahead = 0.0
+
+    def _check_start(self) -> None:
+        """Refuse the first command of an arm that would have to leap to it."""
+        if self._gap is not None and (problem := apart(self._inner, self._gap)):
+            told = f"not commanded, since it would leap: {problem}"
+            raise RobotFault(self.description.name, "targets", told, STARTS)
+
+    def _check_pace(self) -> None:
+        """Stop an arm whose driver does not wait until the control period has passed: the arm would move faster than
+        planned. A simulator may."""
+        if not self._inner.real_time:
+            return
+        now, period = time.monotonic(), self.control_period
+        self._ahead = max(0.0, self._ahead - (now - self._sent_at))
+        if self._ahead == 0.0:
+            self._hasty, self._hasty_from = 0, now
+        self._sent_at, self._ahead = now, self._ahead + _PACE * period
+        if self._ahead <= _AHEAD_S:
+            self._hasty += 1
+            return
+        self._inner.stop()
+        self._rest(paced=True)
+        taken = f"{self._hasty} commands in {1000 * (now - self._hasty_from):.0f} ms"
+        problem = f"stopped, since its driver took {taken}, where each takes {1000 * period:g} ms"
+        raise RobotFault(self.description.name, "pace", problem, "its send() must wait for a deadline")
 
     def _wrong(self, joints: Array) -> str:
         """The limit that joint positions (n, T) violate; empty if none."""
@@ -192,6 +260,13 @@ class GuardedLink(Link):
                 problem += f" (a stiff arm; {self.gives_way} makes it give way to doors and other contact)"
             raise MotionError("motion", f"ended by this robot's safety limits: {problem}", cause="force")
 
-    def _rest(self) -> None:
-        """Decelerate within the joints' limits from the velocity of the last two targets."""
-        self.halt(stopping(self._kinematics, self._before, self._last, self.control_period))
+    def _rest(self, paced: bool = False) -> None:
+        """Decelerate within the joints' limits from the velocity of the last two targets. ``paced``: wait for each
+        control period here, since the driver does not."""
+        rows = stopping(self._kinematics, self._before, self._last, self.control_period)
+        if paced:
+            for row in rows[:-1]:
+                self._inner.halt(row[None])
+                time.sleep(self.control_period)
+            rows = rows[-1:]
+        self.halt(rows)

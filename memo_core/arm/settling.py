@@ -1,12 +1,14 @@
-"""Waiting at the end of a motion until the arm is where it was sent."""
+"""Waiting at the end of a motion until the arm is where it was sent, and telling whether it is."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from memo_core.errors import MotionError
 from memo_core.interfaces.link import Link
 from memo_core.scene.pose import Array
 
+APART = 0.02  # rad (m for a slide) between target and measured position above which an arm is not where it was sent
 _TICKS = 60
 _EVERY = 4  # control periods between two looks, which a simulated link pays for
 
@@ -20,3 +22,28 @@ def settle(link: Link, target: Array, near: float = 0.0008, slow: float = 0.03) 
         there = tick % _EVERY == 0 and np.abs(link.joint_positions() - target).max() < near
         if there and np.abs(link.joint_velocities()).max() < slow:
             return
+
+
+def apart(link: Link, allowed: float = APART) -> str:
+    """The joint that is measured furthest from its target, in one sentence.
+
+    Args:
+        link: open link to the arm.
+        allowed: difference up to which a joint counts as being at its target, rad (m for a slide).
+
+    Returns:
+        The sentence; empty if every joint is within ``allowed`` of its target.
+    """
+    measured, targets = link.joint_positions(), link.joint_targets()
+    off = np.abs(measured - targets)
+    if np.isfinite(off).all() and off.max(initial=0.0) <= allowed:
+        return ""
+    worst = int(np.argmax(np.where(np.isfinite(off), off, np.inf)))
+    name = link.description.joints[worst].name
+    return f"{name} is at {measured[worst]:.3f} and its target at {targets[worst]:.3f} rad"
+
+
+def check_arrived(link: Link) -> None:
+    """Raises ``MotionError`` if the arm does not stand where it was last sent, measured after a motion has ended."""
+    if problem := apart(link):
+        raise MotionError("moving", f"the arm is not where it was sent: {problem}", cause="not-arrived")

@@ -12,10 +12,14 @@ from memo_core.interfaces.simulator import Simulator
 from memo_core.robot.description import GripperDescription, RobotDescription
 from memo_core.scene.pose import Array
 
+_MOVED_BY_THE_ARM = "the robot's driver moves this gripper"
+_REMEDY = "set robot.gripper_driver, or move the gripper in the link where gripper.included"
+
 
 class SimulatorLink(Link):
     """Joint-level access to the robot in a built simulator. Its checkpoint holds the simulator's and the targets."""
 
+    real_time = False
     can_restore = True
     feels_force = True
 
@@ -118,7 +122,7 @@ class IncludedGripper(GripperDriver):
     def close(self) -> None: ...
 
     def health(self) -> Health:
-        return Health(False, "the robot's driver moves this gripper")
+        return Health(False, _MOVED_BY_THE_ARM)
 
     def stop(self) -> None: ...
 
@@ -133,4 +137,4 @@ class IncludedGripper(GripperDriver):
 
     @staticmethod
     def _refusal() -> BackendUnavailable:
-        return BackendUnavailable("gripper_driver", "included", "the robot's driver moves this gripper", "ask its link")
+        return BackendUnavailable("gripper_driver", "included", _MOVED_BY_THE_ARM, _REMEDY)

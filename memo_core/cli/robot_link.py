@@ -36,7 +36,8 @@ def connected(experiment: Experiment) -> Iterator[Link]:
         The open link.
 
     Raises:
-        BackendUnavailable: if another process moves the robot, or it cannot be connected to.
+        BackendUnavailable: if another process moves the robot, it cannot be connected to, or
+            ``GuardedLink.check_ready`` refuses it.
         InvalidArgument: if the driver cannot move this robot.
         RobotFault: if the robot does not accept commands.
     """
@@ -54,6 +55,7 @@ def connected(experiment: Experiment) -> Iterator[Link]:
         link = GuardedLink(inner, robot, experiment.section("hardware").safety)
         stack.callback(link.close)
         link.open()
+        link.check_ready(driver.address)
         with handling(lambda *_: link.stop()):
             yield link
 

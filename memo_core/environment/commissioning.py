@@ -155,6 +155,7 @@ def visit_corners(link: Link, limits: SafetyLimits, person: Operator) -> list[li
 
 def _moved(link: Link, place: Array) -> bool:
     """Whether the tool could be taken there; False before anything has moved."""
+    from memo_core.arm.settling import check_arrived
     from memo_core.arm.slow_motion import move_tool
 
     before = link.joint_targets()
@@ -164,18 +165,21 @@ def _moved(link: Link, place: Array) -> bool:
         if not np.array_equal(link.joint_targets(), before):
             raise
         return False
+    check_arrived(link)
     return True
 
 
 def lift_cube(link: Link, person: Operator) -> bool:
     """Whether the gripper held a cube that the person put between its fingers, and lifted it."""
     from memo_core.arm.inverse_kinematics import Kinematics
+    from memo_core.arm.settling import check_arrived
     from memo_core.arm.slow_motion import move_joints, move_tool
 
     gripper = link.description.gripper
     if not person.ready("The arm moves slowly to its home posture, and its fingers open."):
         return False
     move_joints(link, np.array(link.description.home))
+    check_arrived(link)
     _fingers(link, gripper.stroke, gripper.max_force)
     if not person.ready("Put a cube between the fingers; they close on it."):
         return False
@@ -186,6 +190,7 @@ def lift_cube(link: Link, person: Operator) -> bool:
     here = Kinematics(link.description).pose(link.joint_targets())
     x, y, z = here.position
     move_tool(link, Pose((x, y, z + _LIFT), here.orientation))
+    check_arrived(link)
     held = link.holding() and person.ready("It should hold the cube now. Does it?")
     move_tool(link, here)
     if person.ready("Take the cube; the fingers open."):

@@ -94,13 +94,7 @@ class HardwareEnvironment(TaskEnvironment):
         )
         try:
             link.open()
-            health = link.health()
-            if not health.ready:
-                raise BackendUnavailable("robot", self._driver.address, health.problem)
-            if outside := link.outside():
-                problem = f"it is outside its limits: {outside}"
-                remedy = "guide it by hand until it is within hardware.safety"
-                raise BackendUnavailable("robot", self._driver.address, problem, remedy)
+            link.check_ready(self._driver.address)
             if (file := self.settings.commissioning) is not None:
                 check_commissioning(Path(file).expanduser(), self._unrestricted, self._driver.address, link)
         except BaseException:

@@ -24,6 +24,7 @@ from memo_core.robot.safety import SafetyLimits
 
 LISTENING_S = 5.0
 _SLOWEST_S = 0.02  # between two states, by the clock on the wall
+_STANDS = 0.05  # share of the clock on the wall below which the robot's counts as standing still
 _BIAS_N = 10.0
 
 
@@ -81,6 +82,7 @@ def examine_robot(
         yield _listened(link, listening_s)
         for name, value in link.particulars().items():
             yield Check(name, "ok", value)
+        yield _started(link)
         yield _standing(link, robot, settings.safety)
         holding = ", holding something" if link.holding() else ""
         yield Check("gripper", "ok", f"{1000 * link.gripper_width():.0f} mm open{holding}")
@@ -110,6 +112,9 @@ def _listened(link: Link, seconds: float) -> Check:
         slowest, last, states = max(slowest, now - last), now, states + 1
         time.sleep(0.0005)
     passed = link.time() - robot_began
+    if wrong := _clock_problem(passed, seconds):
+        remedy = "Link.time() of its driver must be a clock that goes by itself, such as time.monotonic()"
+        return Check("states", "failed", wrong, remedy)
     rate = states / passed if passed > 0 else 0.0
     detail = (
         f"{states} read in {seconds:g} s ({rate:.0f} in a second of the robot's clock, which went {passed:.2f} s), "
@@ -118,6 +123,26 @@ def _listened(link: Link, seconds: float) -> Check:
     good = slowest <= _SLOWEST_S and abs(passed - seconds) < 0.05 * seconds + 0.02
     remedy = "" if good else "no other load on this computer, a network port of its own, no switch in between"
     return Check("states", "ok" if good else "warning", detail, remedy)
+
+
+def _clock_problem(passed: float, seconds: float) -> str:
+    """Why the robot's clock, which went on by ``passed`` (s) in ``seconds``, cannot time a motion; empty if it can. A
+    slow one may be a busy computer's."""
+    if passed <= _STANDS * seconds:
+        return f"the robot's clock stands still: it went {passed:.2f} s in {seconds:g} s"
+    if passed > 1.05 * seconds + 0.02:
+        return f"the robot's clock is too fast: it went {passed:.2f} s in {seconds:g} s"
+    return ""
+
+
+def _started(link: Link) -> Check:
+    """Whether the driver's targets are where the arm is: the first command starts from there."""
+    from memo_core.arm.guarded_link import STARTS
+    from memo_core.arm.settling import APART, apart
+
+    if problem := apart(link):
+        return Check("targets", "failed", f"the first command would make it leap: {problem}", STARTS)
+    return Check("targets", "ok", f"within {APART:g} rad of where the arm is measured")
 
 
 def _standing(link: Link, robot: RobotDescription, limits: SafetyLimits) -> Check:

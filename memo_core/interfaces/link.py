@@ -34,6 +34,7 @@ class Link(ABC):
     """
 
     control_period: float = 0.01  # s between two sends
+    real_time: bool = True  # whether a send takes its control period on the clock on the wall; False: a simulator
     can_restore: bool = False  # exact restore of the world (a simulator); hardware needs a guided reset
     feels_force: bool = False  # whether it has a ``contact_wrench``
     gives_way: str = (
@@ -53,7 +54,8 @@ class Link(ABC):
 
     # -- life ----------------------------------------------------------------------------------------------------------
     def open(self) -> None:
-        """Connect. Raises ``BackendUnavailable`` with the remedy. A simulator's link has nothing to open."""
+        """Connect, and start ``joint_targets`` at the measured positions: the arm moves from there to the first targets
+        that are sent. Raises ``BackendUnavailable`` with the remedy. A simulator's link has nothing to open."""
 
     def close(self) -> None:
         """Disconnect, the robot at rest. Idempotent; allowed before ``open``."""
@@ -135,7 +137,8 @@ class Link(ABC):
 
     @abstractmethod
     def send(self, targets: Array) -> None:
-        """Command joint positions for one control period and let it pass.
+        """Command joint positions for one control period and let it pass: on hardware by waiting for a deadline, since
+        callers send the next targets as soon as it returns.
 
         Args:
             targets: joint positions (n,), rad; the link keeps no reference to the array.
@@ -171,7 +174,7 @@ class Link(ABC):
 
     @abstractmethod
     def time(self) -> float:
-        """Seconds on the robot's clock (simulated time in a simulator)."""
+        """Seconds on the robot's clock, which goes whether or not anything is sent (simulated time in a simulator)."""
 
     # -- restoring -----------------------------------------------------------------------------------------------------
     @abstractmethod

@@ -4,8 +4,19 @@ from __future__ import annotations
 
 from typing import Any
 
+import attrs
+
 from memo_core.interfaces.backend import Backend
 from memo_core.plugins.hooks import hookimpl
+
+
+@attrs.frozen
+class DoubleSettings:
+    """Settings of the driver ``double``."""
+
+    start: list[float] = attrs.field(
+        factory=list, metadata={"help": "joint positions at which the arm stands, rad; empty: the home posture"}
+    )
 
 
 @hookimpl
@@ -38,7 +49,16 @@ def memo_robot_drivers() -> list[Backend]:
 
         return SimulatedDriver()
 
-    return [Backend("robot_driver", "simulated", "the simulator moves the robot", make, default=True)]
+    def double(settings: DoubleSettings) -> Any:
+        from memo_core.testing.fake_drivers import FakeDriver
+
+        return FakeDriver(settings.start or None, feels_force=False)
+
+    about = "no arm: follows every command exactly at a real arm's pace, to rehearse the commands for real robots"
+    return [
+        Backend("robot_driver", "simulated", "the simulator moves the robot", make, default=True),
+        Backend("robot_driver", "double", about, double, DoubleSettings),
+    ]
 
 
 @hookimpl

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 
 import numpy as np
 
-from memo_core.errors import BackendUnavailable
+from memo_core.errors import BackendUnavailable, InvalidArgument
 from memo_core.interfaces.driver import GripperDriver, RobotDriver, check_gripper_command
 from memo_core.interfaces.link import Health, Link
 from memo_core.interfaces.simulator import Simulator
@@ -55,16 +56,22 @@ class FakeGripper(GripperDriver):
 
 
 class FakeDriverLink(IdealLink):
-    """An ideal arm that refuses every command while it is not open."""
+    """An ideal arm that refuses every command while it is not open, and takes as long for each as a real one.
+    ``real_time`` may be set to False: it then runs as fast as it can."""
 
-    def __init__(self, description: RobotDescription, gripper: GripperDriver) -> None:
-        super().__init__(description)
+    real_time = True
+    can_restore = False
+
+    def __init__(self, description: RobotDescription, gripper: GripperDriver, start: Array | None = None) -> None:
+        super().__init__(description, start)
         self._gripper = gripper
         self._connected = False
+        self._due = 0.0  # s on the clock on the wall, at which the next command is due
 
     def open(self) -> None:
         self._gripper.open(self.description.gripper)
         self._connected = True
+        self._targets = self.joint_positions()
 
     def close(self) -> None:
         if self._connected:
@@ -83,9 +90,49 @@ class FakeDriverLink(IdealLink):
             raise BackendUnavailable("robot", self.description.name, "the link is not open", "open()")
         super().send(targets)
 
+    def _advance(self, targets: Array) -> None:
+        super()._advance(targets)
+        if self.real_time:
+            now = time.monotonic()
+            self._due = (self._due if now < self._due + self.control_period else now) + self.control_period
+            time.sleep(max(0.0, self._due - now))
+
+    def set_gripper(self, width: float, force: float) -> None:
+        super().set_gripper(width, force)
+        if not self._gripper.included:
+            gripper = self.description.gripper
+            self._gripper.move(
+                float(np.clip(width, 0.0, gripper.stroke)), float(np.clip(force, 0.0, gripper.max_force))
+            )
+
+    def gripper_width(self) -> float:
+        return super().gripper_width() if self._gripper.included else self._gripper.width()
+
+    def holding(self) -> bool:
+        return super().holding() if self._gripper.included else self._gripper.holding()
+
+    def time(self) -> float:
+        return time.monotonic() if self.real_time else super().time()
+
 
 class FakeDriver(RobotDriver):
-    """Makes links to ideal arms."""
+    """Makes links to ideal arms.
+
+    Args:
+        start: joint positions (n,), rad, at which an arm stands when its link is made; None for its home posture.
+        feels_force: whether its links measure forces, all zero.
+    """
+
+    address = "double"
+
+    def __init__(self, start: Sequence[float] | None = None, feels_force: bool = True) -> None:
+        self._start, self._feels_force = start, feels_force
 
     def link(self, robot: RobotDescription, gripper: GripperDriver, simulator: Simulator | None = None) -> Link:
-        return FakeDriverLink(robot, gripper)
+        """Raises ``InvalidArgument`` if ``start`` has another number of joints than the robot."""
+        if self._start is not None and len(self._start) != len(robot.joints):
+            problem = f"has {len(self._start)} values, and {robot.name!r} {len(robot.joints)} joints"
+            raise InvalidArgument("robot.driver.start", problem, "one value per joint, rad")
+        link = FakeDriverLink(robot, gripper, None if self._start is None else np.array(self._start))
+        link.feels_force = self._feels_force
+        return link

@@ -28,6 +28,7 @@ def fake_robot() -> RobotDescription:
 class FakeLink(Link):
     """The latched stop of a ``FakeControl``; nothing else moves."""
 
+    real_time = False
     can_restore = True
 
     def __init__(self, control: FakeControl) -> None:

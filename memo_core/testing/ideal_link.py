@@ -19,6 +19,7 @@ class IdealLink(Link):
     nothing is in the way; ``sent`` is the record of all targets and ``stop_at`` the number of sends after which the
     stop is pressed."""
 
+    real_time = False
     can_restore = True
     feels_force = True
 

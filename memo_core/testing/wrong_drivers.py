@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import time
 
+import numpy as np
+
 from memo_core.interfaces.driver import GripperDriver, RobotDriver
 from memo_core.interfaces.link import Health, Link
 from memo_core.interfaces.simulator import Simulator
 from memo_core.robot.description import GripperDescription, RobotDescription
+from memo_core.scene.pose import Array
 from memo_core.testing.fake_drivers import FakeDriverLink, FakeGripper
+from memo_core.testing.ideal_link import IdealLink
 
 
 def _driver(link_class: type[FakeDriverLink]) -> type[RobotDriver]:
@@ -59,6 +63,38 @@ class LeavesTheGripper(FakeDriverLink):
         Link.stop(self)
 
 
+class StartsAtHome(FakeDriverLink):
+    """Takes its arm to be in the home posture of the description, wherever it stands."""
+
+    def __init__(self, description: RobotDescription, gripper: GripperDriver) -> None:
+        super().__init__(description, gripper, np.full(len(description.joints), 0.1))
+
+    def open(self) -> None:
+        super().open()
+        self._targets = np.array(self.description.home)
+
+
+class FreeRunning(FakeDriverLink):
+    """Counts control periods instead of waiting for them."""
+
+    def _advance(self, targets: Array) -> None:
+        IdealLink._advance(self, targets)
+
+
+class CountedClock(FakeDriverLink):
+    """Its clock goes on only with commands."""
+
+    def time(self) -> float:
+        return self._time
+
+
+class AsksTheIncludedGripper(FakeDriverLink):
+    """Does not branch on ``gripper.included``."""
+
+    def set_gripper(self, width: float, force: float) -> None:
+        self._gripper.move(width, force)
+
+
 WRONG_DRIVERS: dict[str, type[RobotDriver]] = {
     "making_a_link_connects_nothing": _driver(ConnectsAtOnce),
     "closing_is_allowed_at_any_time": _driver(ClosesOnlyWhenOpen),
@@ -66,6 +102,10 @@ WRONG_DRIVERS: dict[str, type[RobotDriver]] = {
     "a_latched_stop_is_no_health": _driver(DeafToTheStop),
     "opening_moves_nothing": _driver(OpensTheFingers),
     "a_stop_reaches_the_gripper": _driver(LeavesTheGripper),
+    "targets_start_where_the_arm_is": _driver(StartsAtHome),
+    "sends_take_a_control_period_of_real_time": _driver(FreeRunning),
+    "the_clock_goes_by_itself": _driver(CountedClock),
+    "the_gripper_that_is_configured_moves": _driver(AsksTheIncludedGripper),
 }
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from memo_core.errors import InvalidArgument
 from memo_core.interfaces.link import Link
+from memo_core.robot.description import RobotDescription
 from memo_core.scene.pose import Array
 from memo_core.testing.ideal_link import IdealLink
 
@@ -32,6 +33,20 @@ class MeasuredTargets(IdealLink):
 class SlowClock(IdealLink):
     def time(self) -> float:
         return self._time / 2
+
+
+class StartsAtHome(IdealLink):
+    """Takes its arm to be in its home posture, wherever it stands."""
+
+    def __init__(self, description: RobotDescription) -> None:
+        super().__init__(description)
+        self._joints = self._joints + 0.3
+
+
+class FreeRunning(IdealLink):
+    """Counts control periods on hardware instead of waiting for them."""
+
+    real_time = True
 
 
 class LazyArm(IdealLink):
@@ -108,6 +123,8 @@ WRONG_LINKS: dict[str, type[Link]] = {
     "answers_are_copies": SharedArrays,
     "the_last_targets_are_told": MeasuredTargets,
     "a_send_takes_one_period": SlowClock,
+    "targets_start_where_the_arm_is": StartsAtHome,
+    "hardware_takes_real_time": FreeRunning,
     "the_arm_follows": LazyArm,
     "the_fingers_follow": EagerGrip,
     "a_free_hand_feels_nothing": FeelsItsOwnMotion,

@@ -11,7 +11,7 @@ from memo_core.cli import robot as command
 from memo_core.environment.hardware import HardwareSettings
 from memo_core.environment.hardware_check import examine_host, examine_robot
 from memo_core.environment.lease import Lease
-from memo_core.errors import BackendUnavailable, InvalidArgument, RobotFault, Stopped
+from memo_core.errors import BackendUnavailable, InvalidArgument, MotionError, RobotFault, Stopped
 from memo_core.interfaces.driver import RobotDriver
 from memo_core.robot.safety import SafetyLimits
 from memo_core.testing.fake_drivers import FakeDriverLink, FakeGripper
@@ -22,27 +22,35 @@ FAULT = RobotFault("10.9.9.9", "reflex", "it ended the motion by a reflex", "mem
 
 class Arm(FakeDriverLink):
     fault: RobotFault | None = None
+    stands: np.ndarray | None = None  # where the arm is measured
+    believed = ROBOT.home  # where its driver starts from
+    pace = 1.0  # seconds of the robot's clock in one of the clock on the wall
 
     def open(self):
         if self.fault is not None:
             raise self.fault
         super().open()
+        self._targets = np.array(self.believed)
 
     def joint_positions(self):
-        self._time += 0.001  # a clock that goes while somebody listens
-        return super().joint_positions()
+        return super().joint_positions() if self.stands is None else self.stands.copy()
+
+    def time(self):
+        return self.pace * super().time()
 
 
 class Driver(RobotDriver):
     address = "10.9.9.9"
 
-    def __init__(self, fault: RobotFault | None = None) -> None:
-        self.fault = fault
+    def __init__(self, fault: RobotFault | None = None, **changes) -> None:
+        self.fault, self.changes = fault, changes
         self.links: list[Arm] = []
 
     def link(self, robot, gripper, simulator=None):
         link = Arm(robot, gripper)
         link.fault = self.fault
+        for name, value in self.changes.items():
+            setattr(link, name, value)
         self.links.append(link)
         return link
 
@@ -76,6 +84,63 @@ def test_what_keeps_a_robot_from_moving_comes_with_its_remedy():
         held.give_back()
 
 
+@pytest.mark.parametrize(
+    ("pace", "state", "told"), [(1.0, "ok", ""), (0.0, "failed", "stands still"), (3.0, "failed", "too fast")]
+)
+def test_a_clock_that_stands_or_runs_too_fast_keeps_a_robot_from_moving(pace, state, told):
+    found = examined(Driver(pace=pace))["states"]
+    assert found.state in (("ok", "warning") if state == "ok" else (state,)), "a busy computer may read slowly"
+    assert told in found.detail and (state == "ok" or "Link.time" in found.remedy)
+
+
+def test_targets_away_from_where_the_arm_is_measured_keep_it_from_moving():
+    assert examined(Driver())["targets"].state == "ok"
+    found = examined(Driver(stands=np.array(ROBOT.home) + 0.57))["targets"]
+    assert found.state == "failed" and "its target at" in found.detail and "open()" in found.remedy
+
+
+def commanded(monkeypatch, driver: Driver, **sections):
+    """Have the commands find this driver; the robot's gripper is moved by it."""
+
+    class Experiment:
+        def create(self, kind):
+            return {"robot": ROBOT, "robot_driver": driver, "gripper_driver": FakeGripper()}[kind]
+
+        def section(self, name):
+            return HardwareSettings(LIMITS)
+
+    monkeypatch.setattr(command, "hardware", lambda config, overrides: Experiment())
+
+
+def test_a_jog_tells_where_the_arm_came_to_rest(monkeypatch, capsys):
+    driver = Driver(real_time=False)
+    commanded(monkeypatch, driver)
+    command.jog(1, 5.0, None, None, True)
+    assert "at rest; joints 0.087" in capsys.readouterr().out
+
+
+def test_a_jog_of_an_arm_that_does_not_arrive_fails(monkeypatch, capsys):
+    blocked = np.array(ROBOT.home) + 0.01
+    commanded(monkeypatch, Driver(real_time=False, blocked=blocked))
+    with pytest.raises(MotionError, match=r"joint1 is at 0\.010 and its target at 0\.087 rad"):
+        command.jog(1, 5.0, None, None, True)
+    assert "at rest" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("off", "follows", "told"),
+    [(0.57, False, "its target at"), (2.9, False, "leap"), (2.9, True, "outside its limits")],
+)
+def test_no_command_moves_an_arm_that_a_check_would_not_release(monkeypatch, off, follows, told):
+    stands = np.array(ROBOT.home) + off * np.eye(7)[0]
+    driver = Driver(stands=stands, believed=stands if follows else ROBOT.home)
+    commanded(monkeypatch, driver)
+    for move in (lambda: command.jog(1, 20.0, None, None, True), lambda: command.home(None, None, True)):
+        with pytest.raises(BackendUnavailable, match=told):
+            move()
+    assert not any(link.sent or link.health().ready for link in driver.links), "never commanded, and closed"
+
+
 def test_the_host_is_looked_at():
     assert {"kernel", "real-time priority"} <= {one.what for one in examine_host()}
     assert all(one.remedy for one in examine_host() if one.state != "ok")
@@ -83,6 +148,7 @@ def test_the_host_is_looked_at():
 
 def test_a_joint_moves_slowly_within_the_limits_and_stops_at_rest():
     link = Arm(ROBOT, FakeGripper())
+    link.real_time = False
     link.open()
     goal = np.array(ROBOT.home) + 0.3 * np.eye(7)[0]
     move_joints(link, goal)

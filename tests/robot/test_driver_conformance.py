@@ -6,8 +6,10 @@ import importlib.metadata
 
 import pytest
 
+from memo_core.arm.simulated_link import IncludedGripper
+from memo_core.cli import robot as command
 from memo_core.config import ConfigErrors, load_experiment
-from memo_core.errors import BackendUnavailable
+from memo_core.errors import BackendUnavailable, InvalidArgument
 from memo_core.interfaces.backend import Backend
 from memo_core.plugins.hooks import hookimpl
 from memo_core.plugins.registry import Registry
@@ -63,6 +65,34 @@ def test_a_driver_nobody_offers_is_named_with_those_there_are():
         experiment("robot.driver=wir")
     with pytest.raises(ConfigErrors, match=r"robot\.driver.*port"):
         experiment('robot.driver={"backend": "wire", "port": 1}')
+
+
+@pytest.mark.parametrize("rule", robot_driver.RULES)
+def test_the_double_for_rehearsals_conforms(rule):
+    backend = Registry().get("robot_driver", "double")
+    robot_driver.RULES[rule](lambda: backend.factory(backend.config()))
+
+
+def test_the_double_moves_any_robot_from_where_it_is_said_to_stand(capsys):
+    start = [0.1, *experiment().create("robot").home[1:]]
+    given = ["robot.driver=double", f"robot.start={start}"]
+    command.jog(1, 3.0, None, given, True)
+    assert "at rest; joints 0.152" in capsys.readouterr().out
+    with pytest.raises(InvalidArgument, match=r"robot\.driver\.start.*2 values.*7 joints"):
+        command.jog(1, 3.0, None, ["robot.driver=double", "robot.start=[0, 0]"], True)
+
+
+def test_a_driver_that_has_only_its_own_fingers_may_refuse_others_and_none_at_all_names_the_key():
+    class OwnFingers(FakeDriver):
+        def link(self, robot, gripper, simulator=None):
+            if not gripper.included:
+                raise InvalidArgument("robot.gripper_driver", "this arm brings its gripper", "included")
+            return super().link(robot, gripper)
+
+    for rule in robot_driver.RULES.values():
+        rule(OwnFingers)
+    with pytest.raises(BackendUnavailable, match=r"set robot\.gripper_driver, or move the gripper in the link"):
+        IncludedGripper().width()
 
 
 def test_hardware_is_refused_where_only_simulators_work():

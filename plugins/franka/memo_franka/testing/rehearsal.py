@@ -75,6 +75,7 @@ class RehearsalLink(Link):
     """The guarded link of the driver ``franka``, with the double at its other end. It can be restored, as the simulator
     can, but what follows is not bit-exactly what followed then: packets take as long as they take."""
 
+    real_time = False
     can_restore = True
     feels_force = True
 
@@ -121,6 +122,7 @@ class RehearsalLink(Link):
         )
         link = FrankaDriver(settings).link(self._robot, IncludedGripper())
         assert isinstance(link, FrankaLink)
+        link.real_time = False  # the double's clock is the simulator's
         return link
 
     def close(self) -> None:
