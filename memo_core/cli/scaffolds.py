@@ -13,6 +13,7 @@ from typing import Any
 import attrs
 
 from memo_core.errors import InvalidArgument
+from memo_core.plugins.installing import install
 from memo_core.robot.urdf.reading import with_meshes_found
 from memo_core.robot.urdf.xacro_expansion import expand_xacro, is_xacro
 
@@ -233,7 +234,7 @@ class RobotSource:
         except (OSError, UnicodeDecodeError) as error:
             raise InvalidArgument("--urdf", f"{self.urdf} cannot be read ({error})", "a URDF file") from None
         if is_xacro(self.urdf, text):
-            return expand_xacro(self.urdf, self.arguments, self.mesh_folders)
+            return expand_xacro(self.urdf, self.arguments, self.mesh_folders, install("memo-core[xacro]"))
         if self.arguments:
             raise InvalidArgument(next(iter(self.arguments)), f"{self.urdf} is no xacro and takes no arguments")
         return text

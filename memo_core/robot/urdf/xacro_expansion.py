@@ -12,9 +12,6 @@ from pathlib import Path
 from typing import Any
 
 from memo_core.errors import InvalidArgument
-from memo_core.plugins.installing import install
-
-_EXTRA = "memo-core[xacro]"
 
 
 def is_xacro(path: Path, text: str) -> bool:
@@ -22,24 +19,25 @@ def is_xacro(path: Path, text: str) -> bool:
     return path.suffix == ".xacro" or "<xacro:" in text
 
 
-def expand_xacro(path: Path, arguments: Mapping[str, str], folders: Sequence[Path] = ()) -> str:
+def expand_xacro(path: Path, arguments: Mapping[str, str], folders: Sequence[Path], remedy: str) -> str:
     """URDF text of a xacro file. ``arguments``: its ``<xacro:arg>`` by name; ``folders``: where ROS packages may lie
-    besides near the file. Raises ``InvalidArgument`` where xacro is not installed, or does not succeed."""
+    besides near the file; ``remedy``: the command that installs xacro. Raises ``InvalidArgument`` where xacro is not
+    installed, or does not succeed."""
     try:
         import xacro
     except ModuleNotFoundError:
         plain = path.name.removesuffix(".xacro").removesuffix(".urdf") + ".urdf"
         problem = f"{path} is xacro; expand it first: xacro {path.name} > {plain}"
-        right = f"a URDF file, or what memo expands it with: {install(_EXTRA)}"
+        right = f"a URDF file, or what memo expands it with: {remedy}"
         raise InvalidArgument("--urdf", problem, right) from None
-    document = _expanded(xacro, path, dict(arguments), [path.resolve().parent, *folders])
+    document = _expanded(xacro, path, dict(arguments), [path.resolve().parent, *folders], remedy)
     if not document.getElementsByTagName("link"):
         problem = f"{path} expands to a robot without links: it may only define macros, or make nothing by default"
         raise InvalidArgument("--urdf", problem, "the file that calls them, or arguments such as add_gripper:=true")
     return str(document.toxml())
 
 
-def _expanded(xacro: Any, path: Path, arguments: dict[str, str], folders: Sequence[Path]) -> Any:
+def _expanded(xacro: Any, path: Path, arguments: dict[str, str], folders: Sequence[Path], remedy: str) -> Any:
     """xacro's document, with each ROS package that it misses looked for near."""
     packages = _package_index(path)
     added: set[str] = set()
@@ -49,7 +47,7 @@ def _expanded(xacro: Any, path: Path, arguments: dict[str, str], folders: Sequen
         except Exception as error:  # xacro raises what the evaluated expressions raise
             if packages is None and "ament_index_python" in str(error):
                 problem = f"{path} names ROS packages, which xacro alone finds in a sourced ROS workspace only"
-                right = f"{install(_EXTRA)}, which looks near the file"
+                right = f"{remedy}, which looks near the file"
                 raise InvalidArgument("--urdf", problem, right) from None
             name = _missing_package(error)
             if name is None:
