@@ -49,7 +49,7 @@ PROMISED_PROMPT_MS = 100.0
 _SLOW_S = 0.6  # of a phase that waits for something else
 _LATEST_S = 0.35  # after its beginning at which a phase is interrupted
 
-# The phase lasts as long as somebody measures: the arm must arrive in a posture from which it can follow the path.
+# The phase lasts as long as the measurement: the arm must arrive in a posture from which it can follow the path.
 _MOVING = """
 while True:
     for y in [-0.2, 0.2]:
