@@ -197,7 +197,7 @@ class RehearsalLink(Link):
 
     # -- commands ------------------------------------------------------------------------------------------------------
     def check(self, skill: str, targets: Array) -> None:
-        self._link.check(skill, targets)
+        self._through(lambda: self._link.check(skill, targets))
 
     def send(self, targets: Array) -> None:
         self._through(lambda: self._link.send(targets))
