@@ -1,6 +1,6 @@
 """The last check of commands to a real robot: limits that no program, plan or bug in the layers above can exceed. It is
 between the arm's code and a driver's link. Commands that would leave the workspace, violate a joint's margin or exceed
-the tool's speed are refused before they are sent; if the measured force is too large, the arm comes to rest. The driver
+the speed of the tool or of a joint are refused before they are sent; if the measured force is too large, the arm comes to rest. The driver
 is checked too: its targets must start where the arm is measured, and its sends must take as long as they should. This
 is not a certified safety function.
 """
@@ -239,14 +239,18 @@ class GuardedLink(Link):
         return ""
 
     def _too_fast(self, joints: Array) -> str:
-        """The speed limit that is violated by moving from one of the joint positions (n, T) to the next in one control
-        period."""
+        """The speed limit, of the tool or of a joint, that is violated by moving from one of the joint positions (n, T)
+        to the next in one control period; empty if none."""
         _, places = self._kinematics.forward(joints)
         longest = float(np.sqrt((np.diff(places, axis=1) ** 2).sum(axis=0)).max(initial=0.0))
-        if longest <= self._step:
-            return ""
-        speed = longest / self.control_period
-        return f"the tool at {speed:.2f} m/s, where {self._limits.tool_speed:g} m/s is allowed"
+        if longest > self._step:
+            speed = longest / self.control_period
+            return f"the tool at {speed:.2f} m/s, where {self._limits.tool_speed:g} m/s is allowed"
+        fastest = np.abs(np.diff(joints, axis=1)).max(axis=1, initial=0.0) / self.control_period
+        for joint, speed in zip(self.description.joints, fastest, strict=True):
+            if speed > _ROUNDING * joint.velocity:
+                return f"{joint.name} at {speed:.2f} rad/s, where {joint.velocity:g} rad/s is allowed"
+        return ""
 
     def _check_force(self) -> None:
         if not self.feels_force:

@@ -8,7 +8,7 @@ from support.arms import six_joint_arm
 
 from memo_core.arm import guarded_link
 from memo_core.arm.guarded_link import GuardedLink
-from memo_core.errors import BackendUnavailable, RobotFault, Stopped
+from memo_core.errors import BackendUnavailable, MotionError, RobotFault, Stopped
 from memo_core.robot.safety import SafetyLimits
 from memo_core.testing.ideal_link import IdealLink
 
@@ -93,6 +93,23 @@ def test_an_arm_whose_driver_starts_where_it_is_moves(clock):
     inner.stands = np.array(ROBOT.home) + OFF  # once it has moved, contact and lag are the planner's
     link.send(link.joint_targets())
     assert len(inner.sent) == 2
+
+
+def test_a_joint_that_would_turn_too_fast_is_refused_also_where_the_tool_stays_where_it_is(clock):
+    link = GuardedLink(RealArm(clock), ROBOT, LIMITS)
+    link.open()
+    allowed = link.description.joints[5].velocity * link.control_period
+    wrist = np.eye(6)[5]
+    start = link.joint_targets()
+    path = np.array([start + 0.9 * allowed * wrist, start + 1.8 * allowed * wrist])
+    link.check("test", path)
+    for row in path:
+        link.send(row)
+    leap = path[-1] + 1.5 * allowed * wrist
+    with pytest.raises(MotionError, match=rf"{ROBOT.joints[5].name} at .* rad/s, where"):
+        link.check("test", leap[None])
+    with pytest.raises(MotionError, match="rad/s"):
+        link.send(leap)
 
 
 def test_after_a_stop_an_arm_that_was_carried_elsewhere_gets_no_command_and_one_in_contact_does(clock):
