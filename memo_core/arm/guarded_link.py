@@ -1,8 +1,8 @@
 """The last check of commands to a real robot: limits that no program, plan or bug in the layers above can exceed. It is
 between the arm's code and a driver's link. Commands that would leave the workspace, violate a joint's margin or exceed
-the speed of the tool or of a joint are refused before they are sent; if the measured force is too large, the arm comes to rest. The driver
-is checked too: its targets must start where the arm is measured, and its sends must take as long as they should. This
-is not a certified safety function.
+the speed of the tool or of a joint are refused before they are sent; if the measured force is too large, the arm comes
+to rest. The driver is checked too: its targets must start where the arm is measured, and its sends must take as long as
+they should. This is not a certified safety function.
 """
 
 from __future__ import annotations
