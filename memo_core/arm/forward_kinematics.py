@@ -81,7 +81,7 @@ class ForwardKinematics:
                     "the joints of one serial chain from the base to the tool, in order",
                 )
             data = model.joints[number].createData()
-            model.joints[number].calc(data, np.zeros(1))
+            model.joints[number].calc(data, np.zeros(model.nq))  # it reads its own part of all positions
             motion = np.asarray(data.S).reshape(6, -1)[:, 0]
             revolute = bool(np.linalg.norm(motion[3:]) > 0.5)
             axis = motion[3:] if revolute else motion[:3]
