@@ -175,7 +175,7 @@ def _cannot_forget_now(operator: Operator) -> None:
     _ask_to_forget(operator)
     operator.fill("type P01 to confirm", "P01")
     operator.press("Forget for good")
-    operator.sees("is going on")
+    operator.sees("still going on")
     assert "2 entries" in operator.says()
 
 
