@@ -180,8 +180,10 @@ def _cannot_forget_now(operator: Operator) -> None:
 
 
 def _ask_to_forget(operator: Operator) -> None:
-    operator.page.get_by_label("person").click()
-    operator.page.get_by_role("option", name="P01").click()
+    person = operator.page.get_by_label("person")
+    for key in ("ArrowDown", "ArrowDown", "Enter"):  # no menu need be drawn, which a 3-D view elsewhere can hold up
+        person.press(key)
+    operator.sees("P01")
     operator.press("Forget …")
 
 
