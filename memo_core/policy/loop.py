@@ -253,7 +253,10 @@ class Loop:
         """What people said about plans before this run."""
         noted = self._teaching.noted(self._planning)
         served = retrieving.retrieve_for_plans(self._session, self._memory, self._planning, scene)
-        return [PlanNote(one.entry.key.objects[0], one.text) for one in served if one.entry.id not in noted]
+        # The task it was said of stands beside each note; how two keys compare is said of subtasks only.
+        others = [attrs.evolve(one, alike="") for one in served if one.entry.id not in noted]
+        notes, _ = retrieving.shown(others, (), self._extensions)
+        return [PlanNote(one.entry.key.objects[0], one.text, one.origin) for one in notes]
 
     def _open_remarks(self) -> list[Corrected]:
         """Remarks about the plan, the whole task, and subtasks that have not been approved since."""

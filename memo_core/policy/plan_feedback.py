@@ -30,3 +30,4 @@ class PlanNote:
 
     task: str  # the instruction it was said of
     text: str
+    origin: str = ""  # who said it, and when in relation to the others; "" where the prompt does not say

@@ -282,15 +282,15 @@ def move_to(
 def move_straight(
     control: Control, position: Position, orientation: Orientation | None = None, slack: Slack = 0.7, speed: Speed = 0.5
 ) -> None:
-    """Move in a straight line to a position. The fingers may touch things on the way: for approaching, lifting, pushing
-    and pulling. slack as in move_to. Raises MotionError when it did not arrive, saying by how much."""
+    """Move in a straight line to a position. The fingers, and what they hold, may touch things on the way: for
+    approaching, lifting, pushing and pulling. slack as in move_to. Raises MotionError when it did not arrive, saying by how much."""
     control.follow_path([(position, orientation)], None, slack, speed)
 
 
 @skill("motion")
 def follow_path(control: Control, path: Path, then: Path | None = None, slack: Slack = 0.7, speed: Speed = 0.5) -> None:
     """Move through all positions (or [position, orientation] pairs) of a path without stopping, in straight pieces; use
-    10 or more points for a curve. The fingers may touch things. slack and then as in move_to."""
+    10 or more points for a curve. What may touch things is as in move_straight. slack and then as in move_to."""
     control.follow_path(path, then, slack, speed)
 
 

@@ -4,6 +4,7 @@ subtask, and programs that worked together become one."""
 from __future__ import annotations
 
 import json
+import re
 
 import pytest
 
@@ -188,6 +189,22 @@ def test_what_is_said_of_a_plan_reaches_the_plans_of_other_tasks_and_not_their_c
     told = section(bench.llm.prompts("plan")[0], "What people said about plans")
     assert "- [set the table] When setting a table, put a napkin at each place." in told
     assert "napkin" not in bench.llm.prompts("code")[0]
+
+
+def test_the_plan_prompt_says_who_said_a_note_and_when(sandbox, book):
+    task = "set the table"
+    for who, text in (("ana", "Put the napkin left."), ("ben", "Fold the napkin."), ("ana", "Put the napkin right.")):
+        said = book.record_feedback(text, who, task=task, subtask=str(for_plans(task)))
+        book.add_lessons(said, for_plans(task), [text])
+    environment = FakeEnvironment()
+    environment.instruction = task
+    bench = Bench(sandbox, book, {"plan": ["DONE"]}, None, environment=environment)
+    bench.run()
+    told = section(bench.llm.prompts("plan")[0], "What people said about plans")
+    newer, older = (re.search(rf"{re.escape(text)}\n  \((.+)\)", told) for text in ("napkin right.", "napkin left."))
+    assert newer.start() < older.start(), "of one person the newer note comes first"
+    assert newer[1].endswith("remark 3 of 3") and older[1].endswith("remark 1 of 3")
+    assert newer[1].split(",")[0] == older[1].split(",")[0] != re.search(r"Fold.*\n  \((person \d)", told)[1]
 
 
 def test_at_done_whoever_watches_is_asked_about_the_whole_task_and_what_is_missing_is_done(sandbox, book):
