@@ -1,8 +1,8 @@
 """The last check of commands to a real robot: limits that no program, plan or bug in the layers above can exceed. It is
 between the arm's code and a driver's link. Commands that would leave the workspace, violate a joint's margin or exceed
 the speed of the tool or of a joint are refused before they are sent; if the measured force is too large, the arm comes
-to rest. The driver is checked too: its targets must start where the arm is measured, and its sends must take as long as
-they should. This is not a certified safety function.
+to rest. Driver and arm are checked too: targets must start where the arm is measured, sends must take as long as they
+should, and the arm must follow. This is not a certified safety function.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from memo_core.robot.safety import SafetyLimits
 from memo_core.scene.pose import Array
 
 _ROUNDING = 1.02  # share of the tool's speed that is let pass
-_FELT_TICKS = 3  # control periods of too much force that end a motion
-_CARRIED = 0.2  # rad between target and measured position after a stop: contact explains less
+_TICKS = 3  # control periods of too much force, or of an arm that does not follow, that end a motion
+_CARRIED = 0.2  # rad between target and measured position, beyond the servo's lag: contact explains less
 _PACE = 0.9  # share of the control period that a send takes at least, on average
 _AHEAD_S = 0.05  # by which sends may be ahead of the clock on the wall
 STARTS = "its open(), and release() and recover(), must start joint_targets() at the measured positions"
@@ -58,7 +58,8 @@ class GuardedLink(Link):
         self._low, self._high = np.array(limits.workspace[:3]), np.array(limits.workspace[3:])
         self._step = limits.tool_speed * _ROUNDING * inner.control_period
         self._tare = np.zeros(3)
-        self._felt = 0
+        self._felt = self._behind = 0
+        self._lag = np.array(inner.servo_lag) if len(inner.servo_lag) else np.zeros(len(robot.joints))
         self._before = self._last = self._place = np.zeros(0)
         self._gap: float | None = APART  # allowed between targets and measured positions; None once it has moved
         self._sent_at = self._ahead = 0.0  # s: when the last command was sent, and by how much it was early
@@ -139,8 +140,8 @@ class GuardedLink(Link):
         Raises:
             MotionError: if a limit ends the motion, the arm at rest: cause ``workspace`` for the target, ``force`` for
                 the measured force.
-            RobotFault: if the driver's targets are not where the arm is measured before it first moves; if sends follow
-                faster than the clock on the wall allows, the arm at rest and the stop latched.
+            RobotFault: if the driver's targets are not where the arm is measured before it first moves; with the stop
+                latched, if sends follow faster than the clock on the wall allows, or the arm does not follow them.
         """
         self._check_start()
         row = np.asarray(targets, dtype=float)
@@ -149,6 +150,7 @@ class GuardedLink(Link):
             self._rest()
             raise MotionError("motion", f"ended by this robot's safety limits: {problem}", cause="workspace")
         self._check_force()
+        self._check_following()
         self._check_pace()
         self._inner.send(row)
         self._before, self._last, self._gap = self._last, row, None
@@ -192,7 +194,7 @@ class GuardedLink(Link):
     # -- limits --------------------------------------------------------------------------------------------------------
     def _begin(self) -> None:
         self._before = self._last = self._inner.joint_targets()
-        self._felt = 0
+        self._felt = self._behind = 0
         self._ahead = 0.0
 
     def _check_start(self) -> None:
@@ -200,6 +202,20 @@ class GuardedLink(Link):
         if self._gap is not None and (problem := apart(self._inner, self._gap)):
             told = f"not commanded, since it would leap: {problem}"
             raise RobotFault(self.description.name, "targets", told, STARTS)
+
+    def _check_following(self) -> None:
+        """Stop an arm that stays behind its commands: once it follows again, it would leap."""
+        if self._gap is not None:  # nothing has been sent yet
+            return
+        lag = self._lag * np.abs(self._last - self._before) / self.control_period
+        problem = apart(self._inner, _CARRIED + lag)
+        self._behind = self._behind + 1 if problem else 0
+        if self._behind >= _TICKS:
+            self._inner.stop()
+            self._rest()
+            told = f"stopped, since the arm does not follow its commands: {problem}"
+            remedy = "see what blocks it, or what its controller reports"
+            raise RobotFault(self.description.name, "following", told, remedy)
 
     def _check_pace(self) -> None:
         """Stop an arm whose driver does not wait until the control period has passed: the arm would move faster than
@@ -257,7 +273,7 @@ class GuardedLink(Link):
             return
         felt = float(np.linalg.norm(self._inner.contact_wrench()[:3] - self._tare))
         self._felt = self._felt + 1 if felt > self._limits.max_force else 0
-        if self._felt >= _FELT_TICKS:
+        if self._felt >= _TICKS:
             self._rest()
             problem = f"{felt:.0f} N felt, where {self._limits.max_force:g} N are allowed"
             if self.gives_way:

@@ -24,21 +24,23 @@ def settle(link: Link, target: Array, near: float = 0.0008, slow: float = 0.03) 
             return
 
 
-def apart(link: Link, allowed: float = APART) -> str:
+def apart(link: Link, allowed: float | Array = APART) -> str:
     """The joint that is measured furthest from its target, in one sentence.
 
     Args:
         link: open link to the arm.
-        allowed: difference up to which a joint counts as being at its target, rad (m for a slide).
+        allowed: difference up to which a joint counts as being at its target, rad (m for a slide); of all joints or of
+            each (n,).
 
     Returns:
         The sentence; empty if every joint is within ``allowed`` of its target.
     """
     measured, targets = link.joint_positions(), link.joint_targets()
     off = np.abs(measured - targets)
-    if np.isfinite(off).all() and off.max(initial=0.0) <= allowed:
+    beyond = np.where(np.isfinite(off), off, np.inf) - allowed
+    if beyond.max(initial=0.0) <= 0:
         return ""
-    worst = int(np.argmax(np.where(np.isfinite(off), off, np.inf)))
+    worst = int(np.argmax(beyond))
     name = link.description.joints[worst].name
     return f"{name} is at {measured[worst]:.3f} and its target at {targets[worst]:.3f} rad"
 

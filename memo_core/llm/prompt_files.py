@@ -50,7 +50,7 @@ PLACEHOLDERS: dict[str, dict[str, str]] = {
         "scene": _SCENE,
         "done": _DONE,
         "corrected": _CORRECTED,
-        "notes": "what people said about plans, retrieved, best first, each with .task, .text, perhaps .origin (by whom)",
+        "notes": "what people said about plans, retrieved, best first, each with .task, .text, perhaps .origin",
     },
     "code": {
         "robot": _ROBOT,

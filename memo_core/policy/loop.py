@@ -253,7 +253,7 @@ class Loop:
         """What people said about plans before this run."""
         noted = self._teaching.noted(self._planning)
         served = retrieving.retrieve_for_plans(self._session, self._memory, self._planning, scene)
-        # The task it was said of stands beside each note; how two keys compare is said of subtasks only.
+        # A planning prompt shows each note with its task, not with how the keys compare.
         others = [attrs.evolve(one, alike="") for one in served if one.entry.id not in noted]
         notes, _ = retrieving.shown(others, (), self._extensions)
         return [PlanNote(one.entry.key.objects[0], one.text, one.origin) for one in notes]

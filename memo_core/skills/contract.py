@@ -283,7 +283,8 @@ def move_straight(
     control: Control, position: Position, orientation: Orientation | None = None, slack: Slack = 0.7, speed: Speed = 0.5
 ) -> None:
     """Move in a straight line to a position. The fingers, and what they hold, may touch things on the way: for
-    approaching, lifting, pushing and pulling. slack as in move_to. Raises MotionError when it did not arrive, saying by how much."""
+    approaching, lifting, pushing and pulling. slack as in move_to. Raises MotionError when it did not arrive, saying
+    by how much."""
     control.follow_path([(position, orientation)], None, slack, speed)
 
 

@@ -90,10 +90,36 @@ def test_an_arm_whose_driver_starts_where_it_is_moves(clock):
     link = guarded(inner)
     link.check_ready("10.0.0.2")
     link.send(link.joint_targets())
-    inner.stands = np.array(ROBOT.home) + OFF  # once it has moved, contact and lag are the planner's
-    link.send(link.joint_targets())
-    assert len(inner.sent) == 2
+    inner.stands = np.array(ROBOT.home) + 0.6 * OFF  # once it has moved, contact and lag are the planner's
+    for _ in range(10):
+        link.send(link.joint_targets())
+    assert len(inner.sent) == 11
 
+
+def test_an_arm_that_does_not_follow_is_stopped_and_goes_on_from_where_it_is(clock):
+    inner = RealArm(clock)
+    link = guarded(inner)
+    inner.stands = np.array(ROBOT.home)  # its brakes hold it, or a driver keeps the commands to itself
+    with pytest.raises(RobotFault, match=r"does not follow its commands: joint1 is at 0\.000 and its target at 0\.2"):
+        for row in ramp(link, step=0.002, count=500):
+            link.send(row)
+    assert 0.2 < np.abs(link.joint_targets() - inner.stands).max() < 0.25
+    with pytest.raises(Stopped):
+        link.send(link.joint_targets())
+    with pytest.raises(RobotFault, match="leap"):
+        link.release()
+        link.send(link.joint_targets())
+
+
+def test_a_single_reading_that_is_off_and_a_servo_that_lags_end_no_motion(clock):
+    inner = RealArm(clock)
+    inner.servo_lag = (0.5,) * len(ROBOT.joints)
+    link = guarded(inner)
+    start = link.joint_targets()
+    for number, row in enumerate(ramp(link, step=0.005, count=200)):
+        inner.stands = np.maximum(row - 0.25, start) if (number + 1) % 5 else start - 1.0
+        link.send(row)
+    assert len(inner.sent) == 200
 
 def test_a_joint_that_would_turn_too_fast_is_refused_also_where_the_tool_stays_where_it_is(clock):
     link = GuardedLink(RealArm(clock), ROBOT, LIMITS)
