@@ -121,6 +121,7 @@ def test_a_single_reading_that_is_off_and_a_servo_that_lags_end_no_motion(clock)
         link.send(row)
     assert len(inner.sent) == 200
 
+
 def test_a_joint_that_would_turn_too_fast_is_refused_also_where_the_tool_stays_where_it_is(clock):
     link = GuardedLink(RealArm(clock), ROBOT, LIMITS)
     link.open()
