@@ -36,8 +36,8 @@ _SCENE = "the scene as a table of objects and parts, with its relations as sente
 _SUBTASK = "the subtask at hand, ACTION(object) or ACTION(object, place)"
 _DONE = "lines: each subtask that was tried and how it ended"
 _CORRECTED = (
-    "what was said in this run, oldest first, each with .subtask, .code, .printed, .ended, .words and .notes "
-    "(.key, .text)"
+    "what was said in this run, oldest first, each with .subtask, .code, .printed, .ended, .words, .notes (.key, .text) "
+    "and .before, the programs of the same attempt before that code (.code, .printed, .ended)"
 )
 _SKILLS = "the documentation of the functions, from their declarations"
 _SUBSET = "the Python that the sandbox runs, and its limits"
@@ -79,6 +79,7 @@ PLACEHOLDERS: dict[str, dict[str, str]] = {
         "printed": "what it printed",
         "ended": "how it ended",
         "words": "what the person said, word for word",
+        "before": "programs of the same attempt before that code, each with .code, .printed and .ended",
         "earlier": "what they said of this subtask before, each with .words and .notes (.text)",
         "subtasks": "the run's other subtasks, under which a note may be filed; empty where that is not wanted",
         "planning": "whether the words were said of the plan or the whole task",

@@ -16,6 +16,7 @@ from memo_core.llm.calls import ModelCalls
 from memo_core.llm.prompt_files import BadPrompt, Prompts
 from memo_core.llm.readers import Notes, Unreadable, read_notes
 from memo_core.policy import prompting
+from memo_core.policy.attempt import Tried
 from memo_core.policy.model_questions import Asked, put, schema_of
 from memo_core.policy.plan_feedback import for_plans, is_of_plans
 from memo_core.policy.settings import TeachingSettings
@@ -57,14 +58,15 @@ class Earlier:
 @attrs.frozen
 class Circumstances:
     """What a run knows about a remark beyond what the book stores: what the code printed and how it ended, earlier
-    remarks about the same subtask, and the run's other subtasks. ``asked``: the question that the words answer, and the
-    words that prompted the question."""
+    remarks about the same subtask, the run's other subtasks, and the attempt's programs ``before`` that code.
+    ``asked``: the question that the words answer, and the words that prompted the question."""
 
     printed: str = ""
     ended: str = "a person found fault with it"
     earlier: tuple[Earlier, ...] = ()
     subtasks: tuple[Key, ...] = ()
     asked: tuple[str, str] = ("", "")  # words, question
+    before: tuple[Tried, ...] = ()
 
 
 @attrs.frozen
@@ -112,6 +114,7 @@ class FeedbackProcessor:
                 code=feedback.code.rstrip("\n"),
                 printed=about.printed,
                 ended=about.ended,
+                before=about.before,
                 words=_answered(about.asked, feedback.words),
                 earlier=about.earlier,
                 subtasks=[str(other) for other in others],

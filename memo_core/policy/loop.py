@@ -69,6 +69,7 @@ class _Subtask:
             attempt.printed,
             attempt.error,
             served.functions if served else (),
+            tuple(attempt.tried[:-1] if attempt.error else attempt.tried),
         )
 
     def result(self, status: Status, problem: str = "") -> SubtaskResult:
@@ -340,7 +341,7 @@ class Loop:
             subset=f"{self._session.sandbox.subset()}\n{_SUBTASK_LIMIT.format(self._settings.subtask_limit_s)}",
             corrected=before,
             corrections=corrections,
-            competing=self._extensions.competing,
+            competing=self._extensions.competing and retrieving.from_several_remarks(corrections),
             general=general,
             templates=served.templates,
             functions=[

@@ -132,6 +132,12 @@ def shown(
     return lines, [one for one in general if _words(one.text) not in told]
 
 
+def from_several_remarks(corrections: Sequence[RetrievedEntry]) -> bool:
+    """Whether corrections derive from more than one remark, so that they may compete."""
+    moments = [one.provenance.when for one in corrections]
+    return len({when for when in moments if when}) + moments.count(0.0) > 1
+
+
 def _words(text: str) -> str:
     """What is compared of two texts: neither case, spaces nor a final full stop."""
     return " ".join(text.casefold().split()).rstrip(".!")

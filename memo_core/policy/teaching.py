@@ -55,6 +55,7 @@ class Corrected:
     ended: str
     words: str
     notes: tuple[NotedText, ...] = ()
+    before: tuple[Tried, ...] = ()  # programs of the same attempt before that code, oldest first
 
 
 @attrs.frozen(eq=False)
@@ -71,6 +72,7 @@ class Judged:
     printed: str = ""
     ended: str = ""  # what the code ended with, if it did
     functions: tuple[RetrievedFunction, ...] = ()  # that it could call
+    before: tuple[Tried, ...] = ()  # programs of the same attempt before that code, oldest first
 
 
 @attrs.define
@@ -141,6 +143,7 @@ class Teaching:
                 one.judged.ended or "without an error",
                 one.words,
                 tuple(NotedText(key_label(entry.key), entry.text) for entry in one.entries if self._reads(entry)),
+                one.judged.before,
             )
             for one in said
         ]
@@ -201,6 +204,7 @@ class Teaching:
             tuple(Earlier(one.words, one.entries) for one in before),
             remark.subtasks,
             remark.asked,
+            judged.before,
         )
 
     def _read_back(self, remark: _Remark, noted: ProcessedFeedback) -> Feedback | None:

@@ -274,7 +274,7 @@ def move_to(
     everything seen at the last look. then: the path you mean to follow next, so that the arm arrives in a posture from
     which it can; raises MotionError before anything moves when it could not. slack (rad): how far the hand may be
     tilted about its closing direction, or stay behind the turning of a bar it holds, where the arm cannot reach
-    otherwise; 0 for exactly this orientation."""
+    otherwise; 0 for exactly this orientation. speed: fraction of full speed, here and below."""
     control.move_to(position, orientation, then, slack, speed)
 
 
@@ -283,15 +283,15 @@ def move_straight(
     control: Control, position: Position, orientation: Orientation | None = None, slack: Slack = 0.7, speed: Speed = 0.5
 ) -> None:
     """Move in a straight line to a position. The fingers, and what they hold, may touch things on the way: for
-    approaching, lifting, pushing and pulling. slack as in move_to. Raises MotionError when it did not arrive, saying
-    by how much."""
+    approaching, lifting, pushing and pulling. slack and speed as in move_to. Raises MotionError when it did not arrive,
+    saying by how much."""
     control.follow_path([(position, orientation)], None, slack, speed)
 
 
 @skill("motion")
 def follow_path(control: Control, path: Path, then: Path | None = None, slack: Slack = 0.7, speed: Speed = 0.5) -> None:
     """Move through all positions (or [position, orientation] pairs) of a path without stopping, in straight pieces; use
-    10 or more points for a curve. What may touch things is as in move_straight. slack and then as in move_to."""
+    10 or more points for a curve. What may touch things is as in move_straight. slack, then and speed as in move_to."""
     control.follow_path(path, then, slack, speed)
 
 

@@ -9,7 +9,9 @@ import re
 import pytest
 
 from memo_core.events import CodeEnded, EntryStruck
+from memo_core.interfaces.llm import Message
 from memo_core.interfaces.teacher import ReadBack, Verdict
+from memo_core.llm.prompt_sections import Prompt
 from memo_core.policy.plan_feedback import for_plans
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.retrieval.retriever import RetrievalSettings
@@ -205,6 +207,32 @@ def test_the_plan_prompt_says_who_said_a_note_and_when(sandbox, book):
     assert newer.start() < older.start(), "of one person the newer note comes first"
     assert newer[1].endswith("remark 3 of 3") and older[1].endswith("remark 1 of 3")
     assert newer[1].split(",")[0] == older[1].split(",")[0] != re.search(r"Fold.*\n  \((person \d)", told)[1]
+
+
+def test_a_correction_is_read_beside_all_programs_of_the_attempt(sandbox, book):
+    jammed, beside = 'close_gripper()\nraise RuntimeError("jammed")', BESIDE.strip("`").removeprefix("python").strip()
+    script = {"plan": [PICK, "DONE"], "code": [f"```python\n{jammed}\n```", BESIDE, GRASP], "feedback": [NOTES], "template": [TEMPLATE]}
+    bench = Bench(sandbox, book, script, [NO, YES], repairs=1, repairs_from="here")
+    bench.run()
+    before = section(bench.llm.prompts("feedback")[0], "Before that code, in the same attempt")
+    assert jammed in before and "jammed" in before.split("Ended:")[1]
+    assert beside in section(bench.llm.prompts("feedback")[0], "Code that was run")
+    corrected = section(bench.llm.prompts("code")[2], "Just corrected")
+    assert corrected.index(beside) < corrected.index("Before it, in the same attempt") < corrected.index(jammed)
+    assert Prompt.read([Message("user", bench.llm.prompts("code")[2])]).corrected()[0].code.strip() == beside
+
+
+def test_notes_of_one_remark_do_not_compete(sandbox, book):
+    said = book.record_feedback("lower, and slower", "ana", task="pick", subtask=PICK)
+    book.add_lessons(said, PICK, ["Grasp lower.", "Move slower."])
+    bench = Bench(sandbox, book, {"plan": [PICK, "DONE"], "code": [GRASP]}, None)
+    bench.run()
+    assert "Several of them may apply" not in bench.llm.prompts("code")[0]
+    other = book.record_feedback("from the side", "ben", task="pick", subtask=PICK)
+    book.add_lessons(other, PICK, ["Grasp from the side."])
+    bench = Bench(sandbox, book, {"plan": [PICK, "DONE"], "code": [GRASP]}, None)
+    bench.run()
+    assert "Several of them may apply" in bench.llm.prompts("code")[0]
 
 
 def test_at_done_whoever_watches_is_asked_about_the_whole_task_and_what_is_missing_is_done(sandbox, book):
