@@ -22,7 +22,7 @@ from memo_core.scene.pose import Array
 
 _ROUNDING = 1.02  # share of the tool's speed that is let pass
 _TICKS = 3  # control periods of too much force, or of an arm that does not follow, that end a motion
-_CARRIED = 0.2  # rad between target and measured position, beyond the servo's lag: contact explains less
+_CARRIED = 0.2  # rad (m for a slide) between target and measured position, beyond the servo's lag: contact explains less
 _PACE = 0.9  # share of the control period that a send takes at least, on average
 _AHEAD_S = 0.05  # by which sends may be ahead of the clock on the wall
 STARTS = "its open(), and release() and recover(), must start joint_targets() at the measured positions"
@@ -53,6 +53,7 @@ class GuardedLink(Link):
         self.servo_lag = inner.servo_lag
         self._stop = inner._stop  # one stop, latched in one place
         self._kinematics = Kinematics(self.description)
+        self._units = robot.position_units
         self._lower = np.array([joint.lower for joint in robot.joints]) + limits.joint_margin
         self._upper = np.array([joint.upper for joint in robot.joints]) - limits.joint_margin
         self._low, self._high = np.array(limits.workspace[:3]), np.array(limits.workspace[3:])
@@ -243,9 +244,9 @@ class GuardedLink(Link):
         beyond = np.maximum(self._lower[:, None] - joints, joints - self._upper[:, None])
         joint, tick = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
         if beyond[joint, tick] > 1e-9:
-            name, angle = self.description.joints[joint].name, joints[joint, tick]
-            allowed = f"{self._lower[joint]:.3f} to {self._upper[joint]:.3f} rad"
-            return f"{name} at {angle:.3f} rad, where {allowed} is allowed"
+            name, unit = self.description.joints[joint].name, self._units[joint]
+            allowed = f"{self._lower[joint]:.3f} to {self._upper[joint]:.3f} {unit}"
+            return f"{name} at {joints[joint, tick]:.3f} {unit}, where {allowed} is allowed"
         _, places = self._kinematics.forward(joints)
         beyond = np.maximum(self._low[:, None] - places, places - self._high[:, None])
         axis, tick = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
@@ -263,9 +264,9 @@ class GuardedLink(Link):
             speed = longest / self.control_period
             return f"the tool at {speed:.2f} m/s, where {self._limits.tool_speed:g} m/s is allowed"
         fastest = np.abs(np.diff(joints, axis=1)).max(axis=1, initial=0.0) / self.control_period
-        for joint, speed in zip(self.description.joints, fastest, strict=True):
+        for joint, unit, speed in zip(self.description.joints, self._units, fastest, strict=True):
             if speed > _ROUNDING * joint.velocity:
-                return f"{joint.name} at {speed:.2f} rad/s, where {joint.velocity:g} rad/s is allowed"
+                return f"{joint.name} at {speed:.2f} {unit}/s, where {joint.velocity:g} {unit}/s is allowed"
         return ""
 
     def _check_force(self) -> None:

@@ -128,15 +128,15 @@ def with_gains(robot: RobotDescription, guesses: list[Guess]) -> RobotDescriptio
         )
     urdf = read_urdf(robot.urdf, robot.mesh_folder)
     units = [urdf.joint(joint.name).units for joint in joints]
-    gains = _in_units([f"{joint.kp:.0f}" for joint in joints], [one.stiffness for one in units])
+    gains = in_units([f"{joint.kp:.0f}" for joint in joints], [one.stiffness for one in units])
     why = "160 Nm/rad for each Nm of torque (a slide: N/m for each N), 4500 at most"
     guesses.append(Guess("kp, kv", f"kp {gains}, kv = kp / 10", why))
-    quick = _in_units([f"{joint.acceleration:g}" for joint in joints], [f"{one.position}/s2" for one in units])
+    quick = in_units([f"{joint.acceleration:g}" for joint in joints], [f"{one.position}/s2" for one in units])
     guesses.append(Guess("acceleration, jerk", quick, "0.3 of the torque on the inertia moved at home"))
     return attrs.evolve(robot, joints=tuple(joints))
 
 
-def _in_units(values: Sequence[str], units: Sequence[str]) -> str:
+def in_units(values: Sequence[str], units: Sequence[str]) -> str:
     """Values with the unit behind the last of those that share it: ``4500 N/m, 800, 800 Nm/rad``."""
     following = [*units[1:], ""]
     return ", ".join(

@@ -41,8 +41,8 @@ def apart(link: Link, allowed: float | Array = APART) -> str:
     if beyond.max(initial=0.0) <= 0:
         return ""
     worst = int(np.argmax(beyond))
-    name = link.description.joints[worst].name
-    return f"{name} is at {measured[worst]:.3f} and its target at {targets[worst]:.3f} rad"
+    name, unit = link.description.joints[worst].name, link.description.position_units[worst]
+    return f"{name} is at {measured[worst]:.3f} and its target at {targets[worst]:.3f} {unit}"
 
 
 def check_arrived(link: Link) -> None:

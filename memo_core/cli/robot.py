@@ -94,10 +94,11 @@ def recover(config: ConfigFile = None, overrides: Overrides = None, yes: Yes = F
 
 
 def _move(link: Link, goal: Callable[[], np.ndarray]) -> None:
+    from memo_core.arm.home_and_gains import in_units
     from memo_core.arm.settling import check_arrived
     from memo_core.arm.slow_motion import move_joints
 
     move_joints(link, goal())
     check_arrived(link)
-    shown = ", ".join(f"{angle:.3f}" for angle in np.round(link.joint_positions(), 3) + 0.0)
-    print(f"at rest; joints {shown} rad")
+    shown = [f"{position:.3f}" for position in np.round(link.joint_positions(), 3) + 0.0]
+    print(f"at rest; joints {in_units(shown, link.description.position_units)}")

@@ -142,7 +142,8 @@ def _started(link: Link) -> Check:
 
     if problem := apart(link):
         return Check("targets", "failed", f"the first command would make it leap: {problem}", STARTS)
-    return Check("targets", "ok", f"within {APART:g} rad of where the arm is measured")
+    units = " or ".join(dict.fromkeys(link.description.position_units))
+    return Check("targets", "ok", f"within {APART:g} {units} of where the arm is measured")
 
 
 def _standing(link: Link, robot: RobotDescription, limits: SafetyLimits) -> Check:

@@ -12,6 +12,8 @@ from typing import Literal
 
 import attrs
 
+from memo_core.errors import InvalidArgument
+from memo_core.robot.urdf.reading import read_urdf
 from memo_core.scene.description import Material
 from memo_core.scene.pose import Pose
 
@@ -87,3 +89,14 @@ class RobotDescription:
     @property
     def joint_names(self) -> tuple[str, ...]:
         return tuple(joint.name for joint in self.joints)
+
+    @property
+    def position_units(self) -> tuple[str, ...]:
+        """By joint, ``rad``, or ``m`` for a slide, for messages: ``rad`` also where the URDF cannot be read, since what
+        a message is about matters more."""
+        try:
+            joints = read_urdf(self.urdf, self.mesh_folder).joints
+        except InvalidArgument:
+            joints = ()
+        units = {joint.name: joint.units.position for joint in joints}
+        return tuple(units.get(name, "rad") for name in self.joint_names)

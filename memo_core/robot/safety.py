@@ -35,7 +35,9 @@ class SafetyLimits:
         metadata={"help": "force on the hand beyond what was felt at the start at which a motion ends, N"},
     )
     joint_margin: float = attrs.field(
-        default=0.05, validator=[ge(0.0), le(0.5)], metadata={"help": "distance kept from every joint limit, rad"}
+        default=0.05,
+        validator=[ge(0.0), le(0.5)],
+        metadata={"help": "distance kept from every joint limit, rad (m for a slide)"},
     )
 
     def kept_by(self, robot: RobotDescription) -> RobotDescription:
@@ -55,7 +57,8 @@ class SafetyLimits:
         for number, joint in enumerate(robot.joints):
             lower, upper = joint.lower + margin, joint.upper - margin
             if lower >= upper or (robot.home and not lower <= robot.home[number] <= upper):
-                problem = f"{self.joint_margin:g} rad is too much for {joint.name} of {robot.name!r}"
+                given = f"{self.joint_margin:g} {robot.position_units[number]}"
+                problem = f"{given} is too much for {joint.name} of {robot.name!r}"
                 raise InvalidArgument("hardware.safety.joint_margin", problem, "one that the home posture keeps")
             joints.append(attrs.evolve(joint, lower=lower, upper=upper))
         return attrs.evolve(

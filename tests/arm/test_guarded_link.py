@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import attrs
 import numpy as np
 import pytest
-from support.arms import six_joint_arm
+from support.arms import six_joint_arm, six_with_a_sliding_first_joint
 
 from memo_core.arm import guarded_link
 from memo_core.arm.guarded_link import GuardedLink
@@ -43,8 +44,8 @@ class RealArm(IdealLink):
 
     real_time = True
 
-    def __init__(self, clock: Clock, pace: float = 0.01, stands=None) -> None:
-        super().__init__(ROBOT)
+    def __init__(self, clock: Clock, pace: float = 0.01, stands=None, robot=ROBOT) -> None:
+        super().__init__(robot)
         self._clock, self._pace = clock, pace
         self.stands = stands
         self.moments: list[float] = []
@@ -187,6 +188,24 @@ def test_limits_are_judged_where_the_arm_is_measured_and_its_stop_is_told(clock)
     link.stop()
     with pytest.raises(BackendUnavailable, match="stop is latched"):
         link.check_ready("10.0.0.2")
+
+
+def test_what_is_said_of_a_sliding_joint_is_in_metres(clock):
+    rail = six_with_a_sliding_first_joint()
+    inner = RealArm(clock, robot=rail)
+    link = GuardedLink(inner, rail, SafetyLimits(tool_speed=1.0))
+    link.open()
+    start, slide, wrist = link.joint_targets(), np.eye(6)[0], np.eye(6)[5]
+    with pytest.raises(MotionError, match=r"joint1 at 0\.600 m, where -0\.450 to 0\.450 m is allowed"):
+        link.check("moving", (start + 0.6 * slide)[None])
+    with pytest.raises(MotionError, match=r"joint6 at 4\.000 rad, where -.* to .* rad is allowed"):
+        link.check("moving", (start + 4.0 * wrist)[None])
+    slow = attrs.evolve(rail, joints=(attrs.evolve(rail.joints[0], velocity=0.1), *rail.joints[1:]))
+    with pytest.raises(MotionError, match=r"joint1 at 0\.50 m/s, where 0\.1 m/s is allowed"):
+        GuardedLink(inner, slow, SafetyLimits(tool_speed=1.0)).check("moving", (start + 0.005 * slide)[None])
+    inner.stands = start + 0.3 * slide
+    with pytest.raises(RobotFault, match=r"joint1 is at 0\.300 and its target at 0\.000 m"):
+        link.send(start)
 
 
 # -- the clock on the wall ---------------------------------------------------------------------------------------------

@@ -13,16 +13,8 @@ from memo_core.arm.ik_seeds import Seeds, seeds_of
 from memo_core.arm.inverse_kinematics import Kinematics, first_of_cells
 from memo_core.errors import Stopped
 from memo_core.scene.pose import Pose, quaternion_from_axis_angle
-from tests.support.arms import six_joint_arm
+from tests.support.arms import six_joint_arm, six_with_a_sliding_first_joint
 from tests.support.planning import bench_planning, hard_motions
-
-
-def six_with_a_sliding_first_joint():
-    """The six-joint arm on a rail instead of a turntable."""
-    arm = six_joint_arm()
-    rail = attrs.evolve(arm.joints[0], lower=-0.5, upper=0.5)
-    urdf = arm.urdf.replace('name="joint1" type="revolute"', 'name="joint1" type="prismatic"')
-    return attrs.evolve(arm, name="rail", urdf=urdf, joints=(rail, *arm.joints[1:]))
 
 
 def six_with_whole_turns():

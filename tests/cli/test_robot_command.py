@@ -9,12 +9,14 @@ from memo_franka.description import fr3
 from memo_core.arm.slow_motion import move_joints
 from memo_core.cli import robot as command
 from memo_core.environment.hardware import HardwareSettings
-from memo_core.environment.hardware_check import examine_host, examine_robot
+from memo_core.environment.hardware_check import _started, examine_host, examine_robot
 from memo_core.environment.lease import Lease
 from memo_core.errors import BackendUnavailable, InvalidArgument, MotionError, RobotFault, Stopped
 from memo_core.interfaces.driver import RobotDriver
 from memo_core.robot.safety import SafetyLimits
 from memo_core.testing.fake_drivers import FakeDriverLink, FakeGripper
+from memo_core.testing.ideal_link import IdealLink
+from tests.support.arms import six_with_a_sliding_first_joint
 
 ROBOT, LIMITS = fr3(), SafetyLimits()
 FAULT = RobotFault("10.9.9.9", "reflex", "it ended the motion by a reflex", "memo robot recover")
@@ -117,6 +119,17 @@ def test_a_jog_tells_where_the_arm_came_to_rest(monkeypatch, capsys):
     commanded(monkeypatch, driver)
     command.jog(1, 5.0, None, None, True)
     assert "at rest; joints 0.087" in capsys.readouterr().out
+
+
+def test_where_a_slide_came_to_rest_is_told_in_metres(capsys):
+    link = IdealLink(six_with_a_sliding_first_joint())
+    command._move(link, lambda: link.joint_targets() + 0.1)
+    assert "at rest; joints 0.100 m, " in capsys.readouterr().out
+
+
+def test_targets_of_a_slide_are_near_in_metres():
+    assert "0.02 rad of where" in _started(IdealLink(ROBOT)).detail
+    assert "0.02 m or rad of where" in _started(IdealLink(six_with_a_sliding_first_joint())).detail
 
 
 def test_a_jog_of_an_arm_that_does_not_arrive_fails(monkeypatch, capsys):

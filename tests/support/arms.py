@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import attrs
 import numpy as np
 
 from memo_core.arm.control import ArmControl
@@ -86,6 +87,14 @@ def facing_arm(yaw: float) -> str:
     bending = '<axis xyz="0 1 0"/><limit lower="-3" upper="3"'
     urdf = six_joint_arm().urdf.replace(first, turned)
     return urdf.replace(bending, bending.replace('"-3" upper="3"', '"-0.5" upper="2.5"'), 2)
+
+
+def six_with_a_sliding_first_joint():
+    """The six-joint arm on a rail instead of a turntable."""
+    arm = six_joint_arm()
+    rail = attrs.evolve(arm.joints[0], lower=-0.5, upper=0.5)
+    urdf = arm.urdf.replace('name="joint1" type="revolute"', 'name="joint1" type="prismatic"')
+    return attrs.evolve(arm, name="rail", urdf=urdf, joints=(rail, *arm.joints[1:]))
 
 
 def on_a_rail(urdf: str) -> str:
