@@ -99,13 +99,26 @@ def read_whole(response: Any, spoken: Spoken) -> None:
 def read_body(body: bytes, spoken: Spoken) -> bool:
     """A whole answer of OpenAI's protocol that came in place of a stream. Returns whether ``body`` is one: it may have
     been recorded in part, or belong to another protocol."""
-    from litellm import ModelResponse
+    from litellm import APIError, ModelResponse
     from litellm.utils import convert_to_model_response_object
 
     try:
         given = json.loads(body)
-        read_whole(convert_to_model_response_object(given, ModelResponse()), spoken)
-    except Exception:  # litellm raises a plain Exception for what it cannot convert
+    except (ValueError, RecursionError):
+        return False
+    if not isinstance(given, dict):
+        return False
+    try:
+        response = convert_to_model_response_object(given, ModelResponse())
+    except APIError:
+        return False
+    except Exception as error:
+        if type(error) is not Exception:  # a plain one is litellm's word for what it cannot convert
+            raise
+        return False
+    try:
+        read_whole(response, spoken)
+    except ValueError:
         return False
     return True
 
