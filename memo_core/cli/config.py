@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import attrs
 import typer
 
-from memo_core.cli.options import ConfigFile, Json, Overrides, load, load_registry, one_file
+from memo_core.cli.options import ConfigFile, Json, Overrides, Seed, Task, load, load_registry, one_file
 from memo_core.cli.output import note, print_json, print_table
 
 if TYPE_CHECKING:
@@ -21,28 +21,36 @@ _INDENT = "    "
 
 app = typer.Typer(help="Experiment files.")
 
-File = Annotated[Path, typer.Argument(metavar="FILE", help="The experiment file.")]
 OptionalFile = Annotated[Path | None, typer.Argument(metavar="[FILE]", help="The experiment file; none: the defaults.")]
 
 
 @app.command()
-def check(file: File, overrides: Overrides = None, json: Json = False) -> None:
-    """Report all errors in an experiment file, and what it needs that is missing here. Exit code 0 or 2."""
+def check(
+    file: OptionalFile = None,
+    task: Task = None,
+    seed: Seed = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """Report all errors in an experiment, and what it needs that is missing here. Exit code 0 or 2."""
     from memo_core.config import ConfigErrors
 
+    given = one_file(file, config)
+    name = None if given is None else str(given)
     try:
-        _, experiment = load(file, overrides, sections=_all_sections())
+        _, experiment = load(given, overrides, task, seed, _all_sections())
         _check_task(experiment)
     except ConfigErrors as errors:
         if not json:
             raise
-        print_json({"file": str(file), "valid": False, "errors": [issue.as_json() for issue in errors.issues]})
+        print_json({"file": name, "valid": False, "errors": [issue.as_json() for issue in errors.issues]})
         raise typer.Exit(errors.exit_code) from None
     missing = _missing(experiment)
     if json:
-        print_json({"file": str(file), "valid": True, "errors": [], "missing": missing})
+        print_json({"file": name, "valid": True, "errors": [], "missing": missing})
         return
-    print(f"{file}: in order" + (", but it cannot be run here yet" if missing else ""))
+    print(f"{name or 'the defaults'}: in order" + (", but it cannot be run here yet" if missing else ""))
     for problem in missing:
         note(f"memo: {problem}")
 

@@ -22,6 +22,7 @@ Overrides = Annotated[
     list[str] | None,
     typer.Option("--set", "-s", metavar="KEY=VALUE", help="Override one value, e.g. run.attempts=2."),
 ]
+Task = Annotated[str | None, typer.Option("--task", "-t", help="The task (memo tasks list).")]
 Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the scene and of everything drawn.")]
 MOST_NUMBER = 2**63 - 1  # of an entry or a revision: a database counts no further
 

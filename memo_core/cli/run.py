@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from memo_core.cli.options import Json, Overrides, Seed, load, one_file
+from memo_core.cli.options import Json, Overrides, Seed, Task, load, one_file
 from memo_core.cli.output import note, print_json, while_read
 from memo_core.cli.signal_handling import INTERRUPTED
 from memo_core.errors import InvalidArgument, MemoError
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 def command(
     file: Annotated[Path | None, typer.Argument(metavar="[FILE]", help="Experiment file; none: the defaults.")] = None,
-    task: Annotated[str | None, typer.Option("--task", "-t", help="The task (memo tasks list).")] = None,
+    task: Task = None,
     seed: Seed = None,
     seeds: Annotated[
         str | None,

@@ -236,6 +236,23 @@ def test_no_text_whatever_is_more_than_an_error(tmp_path_factory, text):
         assert errors.issues
 
 
+def test_without_a_file_the_defaults_are_checked_with_what_the_options_say(capsys, tmp_path):
+    assert run("config", "check", "--task", "open-the-fridge", "--seed", "3", "--set", "run.attempts=2") == 0
+    assert capsys.readouterr().out.startswith("the defaults: in order")
+    assert run("config", "check", "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["file"], told["valid"]) == (None, True)
+    assert run("config", "check", "--task", "open-the-frigde", "--json") == 2
+    told = json.loads(capsys.readouterr().out)
+    assert told["file"] is None and [one["path"] for one in told["errors"]] == ["task"]
+    assert run("config", "check", "--set", "run.atempts=2") == 2
+    assert "--set: run.atempts" in capsys.readouterr().err
+    file = tmp_path / "good.yaml"
+    file.write_text("task: open-the-fridge\n")
+    assert run("config", "check", "--config", str(file), "--task", "open-the-frigde") == 2
+    assert "--task" in capsys.readouterr().err
+
+
 def test_a_misspelt_task_is_found_when_a_file_is_checked(tmp_path, capsys):
     file = tmp_path / "experiment.yaml"
     file.write_text("seed: 1\ntask: open-the-fridg\n")
