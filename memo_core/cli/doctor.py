@@ -11,7 +11,7 @@ import sys
 import tempfile
 import time
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 from urllib.parse import urlsplit
@@ -26,6 +26,7 @@ from memo_core.errors import MemoError
 from memo_core.plugins.installing import install
 
 if TYPE_CHECKING:
+    from memo_core.plugins.not_installed import Uninstalled
     from memo_core.plugins.registry import Registry
 
 _LEAST_FREE_GB = 1.0
@@ -49,11 +50,11 @@ def command(
     """Check what works on this machine, and say how to make the rest work. Exit code 1 when something is missing."""
     from memo_core.plugins.registry import Registry
 
-    findings = []
+    findings: list[Finding] = []
     for finding in examine(Registry(), quick):
-        findings.append(finding)
         if not json:
-            print(_line(finding), flush=True)
+            print(_line(finding, findings), flush=True)
+        findings.append(finding)
     if json:
         print_json({"checks": [attrs.asdict(finding) for finding in findings]})
     if any(finding.state == "missing" for finding in findings):
@@ -110,12 +111,12 @@ def _backends(registry: Registry) -> Iterator[Finding]:
     from memo_core.interfaces.backend import KINDS, Needs
     from memo_core.plugins.registry import missing_needs
 
+    told = set()
     for kind in KINDS:
         if kind != "skills":
-            yield from _absent(registry, kind)
-        for one in registry.offering(kind):
-            for name in (name for of, name in one.offers if of == kind):
-                yield Finding(f"{kind} {name}", "optional", "not installed", one.command, "uninstalled")
+            for finding in _absent(registry, kind):
+                told.add(finding.remedy)
+                yield finding
         for backend in registry.backends(kind):
             for lacking in missing_needs(attrs.evolve(backend.needs, keys=())):
                 state = "optional" if not backend.default and len(registry.backends(kind)) > 1 else "missing"
@@ -123,6 +124,10 @@ def _backends(registry: Registry) -> Iterator[Finding]:
             # Only who selects a backend needs its keys, and one of several providers' keys is enough.
             for lacking in missing_needs(Needs(keys=backend.needs.secrets)):
                 yield Finding(f"{kind} {backend.name}", "optional", f"no {lacking.what}", lacking.remedy, "key")
+    for one in registry.uninstalled():
+        if one.command not in told:
+            what, detail = f"plugin {one.distribution}", f"not installed; it brings {_brought(one)}"
+            yield Finding(what, "optional", detail, one.command, "uninstalled")
 
 
 def _absent(registry: Registry, kind: str) -> Iterator[Finding]:
@@ -133,9 +138,15 @@ def _absent(registry: Registry, kind: str) -> Iterator[Finding]:
     except NoDefaultBackend as error:
         if not error.candidates:
             remedy = error.remedy or f"install a plugin that offers a {kind}"
-            yield Finding(kind, "missing", error.reason, remedy, "kind")
+            offering = [one for one in registry.offering(kind) if one.command == remedy]
+            brought = "".join(f"; {one.distribution} brings {_brought(one)}" for one in offering)
+            yield Finding(kind, "missing", error.reason + brought, remedy, "kind")
     except MemoError:
         return  # two declare the same name, which is found with the plugins
+
+
+def _brought(one: Uninstalled) -> str:
+    return ", ".join(f"{kind} {name}" for kind, name in one.offers)
 
 
 def _extras() -> Iterator[Finding]:
@@ -283,7 +294,10 @@ def _memory() -> str:
         return "an unknown amount"
 
 
-def _line(finding: Finding) -> str:
+def _line(finding: Finding, before: Sequence[Finding] = ()) -> str:
+    """The finding as printed; a command that was printed for one ``before`` is not repeated, but for that of a key."""
     mark = {"ok": "ok      ", "missing": "MISSING ", "optional": "optional"}[finding.state]
     said = f"{mark} {finding.what}: {finding.detail}" if finding.detail else f"{mark} {finding.what}"
-    return said + (f"  -> {finding.remedy}" if finding.remedy else "")
+    same = next((one.what for one in before if one.remedy == finding.remedy and one.fault != "key"), "")
+    remedy = f"as for {same}" if same else finding.remedy
+    return said + (f"  -> {remedy}" if finding.remedy else "")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import shutil
 import tempfile
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,11 +13,12 @@ from typing import Any
 
 import attrs
 import pytest
+import typer
 
 from memo_core.cli import doctor
 from memo_core.cli.faults import FAULTS
 from memo_core.interfaces.backend import Backend, Needs
-from memo_core.plugins import installing, not_installed
+from memo_core.plugins import installing, not_installed, registry
 from memo_core.plugins.hooks import hookimpl
 from memo_core.plugins.registry import NoDefaultBackend, Registry
 from memo_core.sandbox.sandbox import Sandbox
@@ -25,7 +27,7 @@ from memo_core.testing.fake_entry_point import FakeEntryPoint
 ROOT = Path(__file__).parents[2]
 
 
-def plugin(name: str, **changes: Any) -> FakeEntryPoint:
+def plugin(name: str, /, **changes: Any) -> FakeEntryPoint:
     backend = Backend("vectorstore", "flat", "keeps vectors", lambda settings: settings)
 
     @hookimpl
@@ -150,6 +152,24 @@ def test_a_simulator_with_scenes_of_its_own_only_is_named_beside_what_is_missing
     assert "plugins/sim_mujoco" in found.remedy
     with pytest.raises(NoDefaultBackend, match=r"only 'libero' is installed.*sim_mujoco"):
         Registry(own).default("simulator")
+
+
+def test_each_command_is_printed_once_with_all_that_it_brings(monkeypatch, capsys, checkout):
+    needs = Needs(modules={"no_such_module_x": "x-dist"})
+    lacking = [plugin("one", needs=needs), plugin("two", name="deep", needs=needs)]
+    for plugins in ([], lacking):
+        monkeypatch.setattr(registry, "Registry", lambda plugins=plugins: Registry(plugins))
+        with pytest.raises(typer.Exit):
+            doctor.command(quick=True)
+        lines = capsys.readouterr().out.splitlines()
+        commands = Counter(line.partition("  -> ")[2] for line in lines if "install " in line.partition("  -> ")[2])
+        assert commands and set(commands.values()) == {1}
+        [arms] = [line for line in lines if str(ROOT / "plugins" / "robots") in line]
+        assert "robot ur5e, robot gen3" in arms
+        [default] = [line for line in lines if str(ROOT / "plugins" / "tabletop") in line]
+        assert default.startswith("MISSING  suite: no plugin") and "suite tabletop" in default and "quirks" in default
+    deep = [line for line in lines if "no_such_module_x" in line]
+    assert len(deep) == 2 and deep[1].endswith("  -> as for vectorstore deep")
 
 
 def test_what_is_not_ok_names_its_fault():
