@@ -22,7 +22,7 @@ from memo_core.scene.pose import Array
 
 _ROUNDING = 1.02  # share of the tool's speed that is let pass
 _TICKS = 3  # control periods of too much force, or of an arm that does not follow, that end a motion
-_CARRIED = 0.2  # rad (m for a slide) between target and measured position, beyond the servo's lag: contact explains less
+_CARRIED = 0.2  # rad (m for a slide) between target and measured, beyond the servo's lag: contact explains less
 _PACE = 0.9  # share of the control period that a send takes at least, on average
 _AHEAD_S = 0.05  # by which sends may be ahead of the clock on the wall
 STARTS = "its open(), and release() and recover(), must start joint_targets() at the measured positions"

@@ -55,21 +55,28 @@ def home(config: ConfigFile = None, overrides: Overrides = None, yes: Yes = Fals
 @app.command()
 def jog(
     joint: Annotated[int, typer.Argument(min=1, help="Which joint; 1 is the base's.")],
-    degrees: Annotated[float, typer.Argument(help="How far, in degrees; -- before a negative number.")],
+    amount: Annotated[
+        float, typer.Argument(help="How far: degrees, or cm if the joint slides; -- before a negative number.")
+    ],
     config: ConfigFile = None,
     overrides: Overrides = None,
     yes: Yes = False,
 ) -> None:
-    """Turn one joint slowly. No perception is used: keep the path free."""
+    """Move one joint slowly. No perception is used: keep the path free."""
     experiment = hardware(config, overrides)
-    count = len(experiment.create("robot").joints)
-    if joint > count:
-        raise InvalidArgument("JOINT", f"{joint}", f"1 to {count}")
-    if not abs(degrees) <= 90:
-        raise InvalidArgument("DEGREES", f"{degrees:g}", "-90 to 90")
+    units = experiment.create("robot").position_units
+    if joint > len(units):
+        raise InvalidArgument("JOINT", f"{joint}", f"1 to {len(units)}")
+    slides = units[joint - 1] == "m"
+    most, unit = (20, "cm") if slides else (90, "degrees")
+    if not abs(amount) <= most:
+        raise InvalidArgument("AMOUNT", f"{amount:g}", f"-{most} to {most} {unit}")
+    step = amount / 100 if slides else math.radians(amount)
     with connected(experiment) as link:
-        confirmed(f"Joint {joint} turns by {degrees:g} degrees.", yes)
-        _move(link, lambda: link.joint_targets() + math.radians(degrees) * np.eye(count)[joint - 1])
+        confirmed(
+            f"Joint {joint} {'slides' if slides else 'turns'} by {amount:g} {'cm' if slides else 'degrees'}.", yes
+        )
+        _move(link, lambda: link.joint_targets() + step * np.eye(len(units))[joint - 1])
 
 
 @app.command()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 from memo_franka.description import fr3
@@ -125,6 +127,17 @@ def test_where_a_slide_came_to_rest_is_told_in_metres(capsys):
     link = IdealLink(six_with_a_sliding_first_joint())
     command._move(link, lambda: link.joint_targets() + 0.1)
     assert "at rest; joints 0.100 m, " in capsys.readouterr().out
+
+
+def test_a_slide_is_jogged_by_centimetres(monkeypatch, capsys):
+    rail = six_with_a_sliding_first_joint()
+    commanded(monkeypatch, Driver(real_time=False))
+    monkeypatch.setattr(command.hardware(None, None).__class__, "create", lambda self, kind: rail)
+    monkeypatch.setattr(command, "connected", lambda experiment: nullcontext(IdealLink(rail)))
+    command.jog(1, -3.0, None, None, True)
+    assert "at rest; joints -0.030 m, " in capsys.readouterr().out
+    with pytest.raises(InvalidArgument, match="-20 to 20 cm"):
+        command.jog(1, 90.0, None, None, True)
 
 
 def test_targets_of_a_slide_are_near_in_metres():

@@ -211,7 +211,12 @@ def test_the_plan_prompt_says_who_said_a_note_and_when(sandbox, book):
 
 def test_a_correction_is_read_beside_all_programs_of_the_attempt(sandbox, book):
     jammed, beside = 'close_gripper()\nraise RuntimeError("jammed")', BESIDE.strip("`").removeprefix("python").strip()
-    script = {"plan": [PICK, "DONE"], "code": [f"```python\n{jammed}\n```", BESIDE, GRASP], "feedback": [NOTES], "template": [TEMPLATE]}
+    script = {
+        "plan": [PICK, "DONE"],
+        "code": [f"```python\n{jammed}\n```", BESIDE, GRASP],
+        "feedback": [NOTES],
+        "template": [TEMPLATE],
+    }
     bench = Bench(sandbox, book, script, [NO, YES], repairs=1, repairs_from="here")
     bench.run()
     before = section(bench.llm.prompts("feedback")[0], "Before that code, in the same attempt")
