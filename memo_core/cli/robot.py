@@ -73,9 +73,7 @@ def jog(
         raise InvalidArgument("AMOUNT", f"{amount:g}", f"-{most} to {most} {unit}")
     step = amount / 100 if slides else math.radians(amount)
     with connected(experiment) as link:
-        confirmed(
-            f"Joint {joint} {'slides' if slides else 'turns'} by {amount:g} {'cm' if slides else 'degrees'}.", yes
-        )
+        confirmed(f"Joint {joint} {'slides' if slides else 'turns'} by {amount:g} {unit}.", yes)
         _move(link, lambda: link.joint_targets() + step * np.eye(len(units))[joint - 1])
 
 

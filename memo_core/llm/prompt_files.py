@@ -36,8 +36,8 @@ _SCENE = "the scene as a table of objects and parts, with its relations as sente
 _SUBTASK = "the subtask at hand, ACTION(object) or ACTION(object, place)"
 _DONE = "lines: each subtask that was tried and how it ended"
 _CORRECTED = (
-    "what was said in this run, oldest first, each with .subtask, .code, .printed, .ended, .words, .notes (.key, .text) "
-    "and .before, the programs of the same attempt before that code (.code, .printed, .ended)"
+    "what was said in this run, oldest first, each with .subtask, .code, .printed, .ended, .words, "
+    ".notes (.key, .text) and .before, the programs of the same attempt before that code (.code, .printed, .ended)"
 )
 _SKILLS = "the documentation of the functions, from their declarations"
 _SUBSET = "the Python that the sandbox runs, and its limits"
@@ -122,7 +122,7 @@ PLACEHOLDERS: dict[str, dict[str, str]] = {
 OPTIONAL: dict[str, dict[str, Any]] = {  # what a question that says nothing of them is filled in with
     "plan": {"corrected": (), "notes": ()},
     "code": {"corrected": (), "functions": (), "competing": True, "restart": False, "tries": 0},
-    "feedback": {"printed": "", "earlier": (), "subtasks": (), "planning": False, "plans": False},
+    "feedback": {"printed": "", "before": (), "earlier": (), "subtasks": (), "planning": False, "plans": False},
     "template": {"printed": ""},
     "merge": {"restart": False},
     "cluster": {"covered": 0, "longest": 0},
@@ -165,6 +165,7 @@ class _Attempt:
     key: str = "OPEN(jar)"
     built: str = "a lid on top of the jar"
     tried: tuple[str, ...] = ("lift_lid('jar') failed: MotionError",)
+    before: tuple[Any, ...] = ()
 
 
 SAMPLES: dict[str, Any] = {  # what a file is rendered with when it is checked
@@ -175,7 +176,7 @@ SAMPLES: dict[str, Any] = {  # what a file is rendered with when it is checked
     "done": ["OPEN(jar)"],
     "skills": "look() -> list",
     "subset": "Python.",
-    "corrected": [_Attempt()],
+    "corrected": [_Attempt(before=(_Attempt(),))],
     "notes": [_Entry()],
     "corrections": [_Entry(), _Entry()],
     "functions": [_Entry(calls=(_Entry(),))],
@@ -190,6 +191,7 @@ SAMPLES: dict[str, Any] = {  # what a file is rendered with when it is checked
     "printed": "lid off",
     "ended": "a person found fault with it",
     "words": "lift it straight up",
+    "before": [_Attempt()],
     "earlier": [_Attempt()],
     "subtasks": ["PICK_UP(jar)"],
     "planning": False,
