@@ -5,7 +5,7 @@ from __future__ import annotations
 import attrs
 import numpy as np
 import pytest
-from support.arms import six_joint_arm, six_with_a_sliding_first_joint
+from tests.support.arms import six_joint_arm, six_with_a_sliding_first_joint
 
 from memo_core.arm import guarded_link
 from memo_core.arm.guarded_link import GuardedLink

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 from memo_franka.description import fr3, panda
-from support.arms import limits_used
+from tests.support.arms import limits_used
 
 from memo_core.arm.guarded_link import GuardedLink
 from memo_core.arm.inverse_kinematics import Kinematics

@@ -11,7 +11,7 @@ from memo_franka.description import fr3
 from memo_vla.double.server import PolicyServer
 from memo_vla.method import Vla
 from memo_vla.settings import VlaSettings
-from support.arms import FixedPerception, control_of, limits_used
+from tests.support.arms import FixedPerception, control_of, limits_used
 
 from memo_core.interfaces.teacher import Verdict
 from memo_core.policy.person import Person
