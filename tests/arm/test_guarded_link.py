@@ -5,13 +5,13 @@ from __future__ import annotations
 import attrs
 import numpy as np
 import pytest
-from tests.support.arms import six_joint_arm, six_with_a_sliding_first_joint
 
 from memo_core.arm import guarded_link
 from memo_core.arm.guarded_link import GuardedLink
 from memo_core.errors import BackendUnavailable, MotionError, RobotFault, Stopped
 from memo_core.robot.safety import SafetyLimits
 from memo_core.testing.ideal_link import IdealLink
+from tests.support.arms import six_joint_arm, six_with_a_sliding_first_joint
 
 ROBOT, LIMITS = six_joint_arm(), SafetyLimits(tool_speed=0.25)
 OFF = np.array([0.3, 0.0, 0.0, 0.0, 0.0, 0.0])

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 from memo_franka.description import fr3, panda
-from tests.support.arms import limits_used
 
 from memo_core.arm.guarded_link import GuardedLink
 from memo_core.arm.inverse_kinematics import Kinematics
@@ -17,6 +16,7 @@ from memo_core.robot.safety import SafetyLimits
 from memo_core.scene.graph import Observation, SceneGraph
 from memo_core.scene.pose import Pose
 from memo_core.testing.ideal_link import IdealLink
+from tests.support.arms import limits_used
 
 EMPTY = SceneGraph((), (), Observation(Pose(), 0.08, False), -0.3)
 

@@ -11,7 +11,6 @@ from memo_franka.description import fr3
 from memo_vla.double.server import PolicyServer
 from memo_vla.method import Vla
 from memo_vla.settings import VlaSettings
-from tests.support.arms import FixedPerception, control_of, limits_used
 
 from memo_core.interfaces.teacher import Verdict
 from memo_core.policy.person import Person
@@ -23,6 +22,7 @@ from memo_core.skills.contract import BUILTIN_SKILLS
 from memo_core.skills.skill import skill_library
 from memo_core.testing.fake_environment import FakeEnvironment
 from memo_core.testing.fake_llm import ScriptedModel
+from tests.support.arms import FixedPerception, control_of, limits_used
 
 pytestmark = pytest.mark.wire
 
