@@ -272,6 +272,29 @@ def test_a_cube_is_picked_up_and_put_down_by_skills(tabletop):
 
 
 @pytest.mark.sim
+def test_fingers_that_were_pushed_beyond_their_stroke_open_and_stay_open(tabletop):
+    simulator, link, control = tabletop
+    control.close_gripper(20.0)
+    data, world = simulator.data, simulator._world
+    data.qpos[world.finger_qpos] = 0.0402  # as a lever does that the hand slips off
+    data.qvel[:] = 0.0
+    assert link.gripper_width() > panda().gripper.stroke
+    assert control.open_gripper(None) == pytest.approx(0.08, abs=0.002)
+    control.wait(1.0)
+    assert control.gripper_width() == pytest.approx(0.08, abs=0.002)
+
+
+@pytest.mark.sim
+def test_a_restored_link_knows_what_its_gripper_was_sent_to(tabletop):
+    _, link, control = tabletop
+    control.close_gripper(None)
+    saved = link.checkpoint()
+    control.open_gripper(None)
+    link.restore(saved)
+    assert link.commanded_width == 0.0
+
+
+@pytest.mark.sim
 def test_the_simulated_arm_arrives_and_keeps_its_limits(tabletop):
     simulator, link, control = tabletop
     speeds = []
