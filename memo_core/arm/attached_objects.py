@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import attrs
 import numpy as np
 
-from memo_core.arm.collision import Held
+from memo_core.arm.collision import Held, Obstacle
 from memo_core.robot.description import GripperDescription
 from memo_core.scene.graph import Node, SceneGraph
 from memo_core.scene.pose import Array, Pose
@@ -105,6 +107,24 @@ def movable(scene: SceneGraph) -> dict[str, frozenset[str]]:
             found[node.id] = frozenset({node.id, *(one.id for one in scene.nodes if one.part_of == node.id)})
         elif node.kind == "part":
             found[node.id] = frozenset(one.id for one in _moving_with(scene, node, owner))
+    return found
+
+
+def beside_fingers(obstacles: Sequence[Obstacle], tool: Pose, across: float) -> list[str]:
+    """Labels of the obstacles that the fingers' outer sides may touch.
+
+    Args:
+        obstacles: solid boxes in the base frame.
+        tool: the tool frame, between the fingertips.
+        across: distance (m) between the fingers' outer sides.
+    """
+    sides = tool.apply(np.array([[0.0, across / 2, 0.0], [0.0, -across / 2, 0.0]]))
+    found = []
+    for obstacle in obstacles:
+        local = obstacle.pose.inverse().apply(sides)
+        outside = np.maximum(np.abs(local) - np.asarray(obstacle.size) / 2, 0.0)
+        if np.linalg.norm(outside, axis=1).min() <= _REACH and obstacle.label not in found:
+            found.append(obstacle.label)
     return found
 
 

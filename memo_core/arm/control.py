@@ -10,7 +10,7 @@ from typing import Any
 import cattrs
 import numpy as np
 
-from memo_core.arm.attached_objects import Attachment, bars, grasped, movable
+from memo_core.arm.attached_objects import Attachment, bars, beside_fingers, grasped, movable
 from memo_core.arm.collision import obstacles_of
 from memo_core.arm.force import SEARCH_SPEED, STRAY, ForceMotion, Pressed, spiral
 from memo_core.arm.motion import MotionPlanner, Plan, PlanningScene
@@ -33,6 +33,7 @@ _ASTRAY = 0.05  # rad between a joint and its target from which on the target is
 _FINGERS_STILL = 0.0003  # m
 _FINGERS_WINDOW = 10  # ticks
 _FINGERS_THERE = 0.001  # m
+_FINGERS_SHORT = 0.01  # m narrower than commanded, or a quarter of that, from which on they did not open
 _FINGERS_PATIENCE = 1.5  # s
 
 
@@ -84,7 +85,18 @@ class ArmControl(Control):
         reached = self._move_fingers(wanted, gripper.max_force, "opening the gripper")
         if not self._link.holding():
             self._attachment = self._attachment.released(self.tool_pose())
+        if wanted - reached > min(_FINGERS_SHORT, wanted / 4):
+            raise self._held_back(wanted, reached)
         return reached
+
+    def _held_back(self, wanted: float, reached: float) -> MotionError:
+        attached = self._attachment
+        obstacles = obstacles_of(self.scene(), attached.moved, attached.absent)
+        across = reached + 2 * self._description.gripper.finger_thickness
+        beside = beside_fingers(obstacles, self.tool_pose(), across)
+        what = " and ".join(f"the {label}" for label in beside) or "something that was not seen"
+        told = f"the fingers opened to {100 * reached:.1f} cm instead of {100 * wanted:.1f} cm, held back by {what}"
+        return MotionError("open_gripper", told, cause="not-arrived", position_error_m=wanted - reached)
 
     def close_gripper(self, force: float | None) -> float:
         gripper = self._description.gripper

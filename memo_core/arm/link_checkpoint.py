@@ -16,16 +16,23 @@ from memo_core.scene.pose import Array
 @attrs.frozen(eq=False)
 class LinkCheckpoint:
     """``targets``: joint targets (n,), rad or m; ``felt``: state of the force's estimate; ``world``: the simulator's
-    checkpoint; ``hand``: state of a gripper that is not the simulator's, if there is one."""
+    checkpoint; ``hand``: state of a gripper that is not the simulator's, if there is one; ``opening``: the link's
+    ``commanded_width``."""
 
     targets: Array
     felt: list[float]
     world: bytes
     hand: list[float] = attrs.field(factory=list)
+    opening: float | None = None
 
     def packed(self) -> bytes:
         """As JSON."""
-        state = {"targets": [float(v) for v in self.targets], "felt": self.felt, "hand": self.hand}
+        state = {
+            "targets": [float(v) for v in self.targets],
+            "felt": self.felt,
+            "hand": self.hand,
+            "opening": self.opening,
+        }
         return json.dumps(state | {"world": b85encode(self.world).decode()}).encode()
 
     @classmethod
@@ -47,10 +54,11 @@ class LinkCheckpoint:
             state = json.loads(checkpoint)
             targets, world = np.array(state["targets"], dtype=float), b85decode(state["world"])
             felt, gripper = ([float(v) for v in state.get(name, [])] for name in ("felt", "hand"))
+            opening = None if (told := state.get("opening")) is None else float(told)
             if len(gripper) != hand:
                 raise ValueError(f"{len(gripper)} numbers of a hand")
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise InvalidArgument("checkpoint", f"is not one of this link ({error})", "bytes of checkpoint()") from None
         if targets.shape != (len(robot.joints),):
             raise InvalidArgument("checkpoint", f"is of an arm with {targets.size} joints", f"one of {robot.name!r}")
-        return cls(targets, felt, world, gripper)
+        return cls(targets, felt, world, gripper, opening)

@@ -84,7 +84,8 @@ class SimulatorLink(Link):
         return self.simulator.time
 
     def checkpoint(self) -> bytes:
-        return LinkCheckpoint(self._targets, self._wrench.state(), self.simulator.checkpoint()).packed()
+        felt, world = self._wrench.state(), self.simulator.checkpoint()
+        return LinkCheckpoint(self._targets, felt, world, opening=self.commanded_width).packed()
 
     def restore(self, checkpoint: bytes) -> None:
         """Raises ``InvalidArgument`` for bytes that are not a checkpoint of this link."""
@@ -94,7 +95,7 @@ class SimulatorLink(Link):
         except ValueError as error:
             raise InvalidArgument("checkpoint", f"is not one of this link ({error})", "bytes of checkpoint()") from None
         self.simulator.restore(then.world)
-        self._targets = then.targets
+        self._targets, self.commanded_width = then.targets, then.opening
         self._command(then.targets)
 
 

@@ -44,10 +44,11 @@ class Control(ABC):
                 turns the suction on and the stroke turns it off.
 
         Returns:
-            Opening reached (m); it differs from ``width`` if something blocks the fingers.
+            Opening reached (m); it is larger than ``width`` if something between the fingers blocks them.
 
         Raises:
             InvalidArgument: for a width that this gripper does not have; nothing moves.
+            MotionError: ``not-arrived`` if the fingers end much narrower than ``width``, held back from outside.
             Stopped: if the stop is latched, before or during the motion.
         """
 

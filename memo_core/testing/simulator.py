@@ -416,6 +416,21 @@ def a_grip_is_let_go_at_once(make: Make) -> None:
 
 
 @rule
+def fingers_go_where_they_were_sent_once_free(make: Make) -> None:
+    """Sent to an opening narrower than what is held, the fingers go there once it slips out of them."""
+    robot = check_robot()
+    with make() as simulator:
+        simulator.build(check_scene(), attrs.evolve(robot, gripper=attrs.evolve(robot.gripper, pad_friction=0.05)))
+        simulator.command_gripper(0.0, 10.0)
+        _run(simulator, 1.0)
+        _lift(simulator, 10.0, CUBE - 0.01)
+        _run(simulator, 1.0)
+        assert simulator.body_pose("cube").position[2] < 0.04, "a slippery grip lifted the cube"
+        width = simulator.gripper_width()
+        assert abs(width - CUBE + 0.01) < 0.002, f"sent to {CUBE - 0.01:.3f} m, the opening is {width:.4f} m"
+
+
+@rule
 def a_held_object_is_lifted(make: Make) -> None:
     """What the fingers press is carried along and stays in the hand."""
     simulator = _built(make)
@@ -427,8 +442,8 @@ def a_held_object_is_lifted(make: Make) -> None:
         assert simulator.body_pose("cube").position[2] > 0.1, "the cube was not lifted"
 
 
-def _lift(simulator: Simulator, force: float = 60.0) -> None:
-    simulator.command_gripper(0.0, force)
+def _lift(simulator: Simulator, force: float = 60.0, width: float = 0.0) -> None:
+    simulator.command_gripper(width, force)
     _run(simulator, 1.0)
     for step in range(1, 101):
         angle = 0.3 * step / 100

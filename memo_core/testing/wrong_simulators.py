@@ -141,6 +141,10 @@ def wrong_simulators(right: type) -> dict[str, type]:
         def command_gripper(self, width, force):
             super().command_gripper(0.08 if width > 0.0 else width, force)
 
+    class KeepsClosing(base):
+        def command_gripper(self, width, force):
+            super().command_gripper(0.0 if width < self.gripper_width() else width, force)
+
     class LetsGo(base):
         def command_joints(self, targets):
             super().command_gripper(0.08, 10.0)
@@ -211,6 +215,7 @@ def wrong_simulators(right: type) -> dict[str, type]:
         "gripper_holds_with_force": AlwaysFullForce,
         "gripper_keeps_its_speed": SlamsShut,
         "a_grip_is_let_go_at_once": OpensFully,
+        "fingers_go_where_they_were_sent_once_free": KeepsClosing,
         "a_held_object_is_lifted": LetsGo,
         "torques_carry_the_arm_and_its_load": LeavesOutGravity,
         "torques_go_with_accelerations": NeverAccelerates,

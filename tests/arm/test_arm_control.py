@@ -109,6 +109,22 @@ def test_the_gripper_is_waited_for_and_tells_its_width():
     assert control.holding()
 
 
+def test_fingers_that_do_not_open_are_an_error_which_names_what_is_beside_them(monkeypatch):
+    places = {"left wall": 0.155, "right wall": 0.045, "far wall": 0.4}
+    walls = [box(name, (0.45, y, 0.025), (0.2, 0.02, 0.05)) for name, y in places.items()]
+    control, link, _ = control_of(panda(), *walls)
+    control.close_gripper(None)
+    control.move_to([0.45, 0.1, 0.04], TOP, None, 0.7, 1.0)
+    assert control.open_gripper(0.04) == pytest.approx(0.04, abs=0.002)
+    monkeypatch.setattr(link, "set_gripper", lambda width, force: None)
+    told = "opened to 4.0 cm instead of 8.0 cm, held back by the left wall and the right wall"
+    with pytest.raises(MotionError, match=told) as error:
+        control.open_gripper(None)
+    assert error.value.cause == "not-arrived"
+    assert control.open_gripper(0.045) == pytest.approx(0.04, abs=0.002), "the returned width suffices"
+    assert control.open_gripper(0.02) == pytest.approx(0.04, abs=0.002), "something may be between them"
+
+
 @pytest.mark.parametrize(
     "act", [lambda c: c.open_gripper(0.12), lambda c: c.close_gripper(150.0), lambda c: c.close_gripper(1.0)]
 )
@@ -269,6 +285,29 @@ def test_a_cube_is_picked_up_and_put_down_by_skills(tabletop):
     call("go_home")
     place = simulator.body_pose("cube")
     assert place.position == pytest.approx((x, y - 0.3, 0.025), abs=0.008)
+
+
+@pytest.mark.sim
+def test_fingers_that_were_pushed_beyond_their_stroke_open_and_stay_open(tabletop):
+    simulator, link, control = tabletop
+    control.close_gripper(20.0)
+    data, world = simulator.data, simulator._world
+    data.qpos[world.finger_qpos] = 0.0402  # as a lever does that the hand slips off
+    data.qvel[:] = 0.0
+    assert link.gripper_width() > panda().gripper.stroke
+    assert control.open_gripper(None) == pytest.approx(0.08, abs=0.002)
+    control.wait(1.0)
+    assert control.gripper_width() == pytest.approx(0.08, abs=0.002)
+
+
+@pytest.mark.sim
+def test_a_restored_link_knows_what_its_gripper_was_sent_to(tabletop):
+    _, link, control = tabletop
+    control.close_gripper(None)
+    saved = link.checkpoint()
+    control.open_gripper(None)
+    link.restore(saved)
+    assert link.commanded_width == 0.0
 
 
 @pytest.mark.sim

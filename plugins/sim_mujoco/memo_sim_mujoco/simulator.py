@@ -297,6 +297,7 @@ class MujocoSimulator(Simulator):
             self._ramp = min(now, goal)
         elif self._ramp > now and self._ramp > goal:
             self._ramp = max(now, goal)
+        self._send_set_point()  # here, since ticks only advance one that is not at the goal
         self._set_force(min(force, gripper.max_force))
 
     def tick(self) -> None:
@@ -331,7 +332,10 @@ class MujocoSimulator(Simulator):
         left = self._goal - self._ramp
         step = self._ramp_step
         self._ramp = self._goal if abs(left) <= step else self._ramp + math.copysign(step, left)
-        if not self._cup:
+        self._send_set_point()
+
+    def _send_set_point(self) -> None:
+        if self._servo >= 0 and not self._cup:
             self._ctrl[self._servo] = self._ramp if self._linkage is None else self._linkage.driver(self._ramp)
 
     def _sucks(self) -> bool:
