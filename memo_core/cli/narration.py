@@ -139,7 +139,7 @@ class Narrator:
             self._matches[event.note] += 1
         elif event.note:
             self.say(f"  {event.note}", "dim")
-        if event.not_understood:
+        if event.not_understood and event.phase != "feedback":  # there the notes, or the question, say so
             self.say(f"  not understood: {', '.join(event.not_understood)}", "yellow")
 
     def _on_Retrieved(self, event: Retrieved) -> None:
@@ -209,7 +209,8 @@ class Narrator:
         self.console.print(f"  [{colour}]{event.status}[/] after {event.attempts} attempt{'s' * (event.attempts != 1)}")
 
     def _on_Problem(self, event: Problem) -> None:
-        self.say(f"  {event.where}: {event.message}", "yellow")
+        if not event.asked:
+            self.say(f"  {event.where}: {event.message}", "yellow")
 
     def _on_RunEnded(self, event: RunEnded) -> None:
         verdict = {

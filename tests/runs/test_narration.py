@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import io
 
+import attrs
 from rich.console import Console
 
 from memo_core.cli.narration import Narrator
-from memo_core.events import CodeWritten, EntryServed, ModelCalled, Retrieved, RunEnded
+from memo_core.events import CodeWritten, EntryServed, ModelCalled, Problem, Retrieved, RunEnded
 from memo_core.skillbook.model.entries import headline
 
 TEMPLATE = (
@@ -53,6 +54,21 @@ def test_what_a_model_writes_is_folded_where_it_is_not_asked_for_and_never_strea
         assert "code: 2 lines" in shown.getvalue() and "--verbose" in shown.getvalue()
         assert "slowly" not in shown.getvalue() and "def " not in shown.getvalue()
         assert shown.getvalue().count("being written …") == (3 if terminal else 0)
+
+
+def narrated(*events, width=80, **how) -> str:
+    shown = io.StringIO()
+    narrator = Narrator(Console(file=shown, width=width, no_color=True, highlight=False), **how)
+    for event in events:
+        narrator(event)
+    return shown.getvalue()
+
+
+def test_what_a_person_is_asked_about_next_is_not_told_before():
+    aside = Problem("feedback 1 is set aside", "nothing could be learnt from it: Which way?", asked=True)
+    asked = ModelCalled("feedback", "m", 1.0, 10, 5, not_understood=("the words",))
+    assert narrated(aside, asked).count("Which way?") == 0 and "the words" not in narrated(asked)
+    assert "Which way?" in narrated(attrs.evolve(aside, asked=False))
 
 
 def test_a_template_is_listed_by_what_it_does():
