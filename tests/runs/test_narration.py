@@ -66,7 +66,7 @@ def narrated(*events, width=80, **how) -> str:
 
 def test_what_a_person_is_asked_about_next_is_not_told_before():
     aside = Problem("feedback 1 is set aside", "nothing could be learnt from it: Which way?", asked=True)
-    asked = ModelCalled("feedback", "m", 1.0, 10, 5, not_understood=("the words",))
+    asked = ModelCalled("feedback", "m", 10, 5, None, 1.0, not_understood=("the words",))
     assert narrated(aside, asked).count("Which way?") == 0 and "the words" not in narrated(asked)
     assert "Which way?" in narrated(attrs.evolve(aside, asked=False))
 
