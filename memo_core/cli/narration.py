@@ -172,10 +172,10 @@ class Narrator:
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         for place, row in enumerate(rows):
             line = "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip()
-            self.console.print(Padding(Text(line, "" if place else "dim"), (0, 0, 0, 3)))
+            self.console.print(Padding(Text(line, "" if place else "dim"), (0, 0, 0, 3), expand=False))
             if place:
                 text = headline(served[place - 1].kind, served[place - 1].text)
-                self.console.print(Padding(Text(text), (0, 0, 0, 5)))
+                self.console.print(Padding(Text(text), (0, 0, 0, 5), expand=False))
 
     def _on_CodeWritten(self, event: CodeWritten) -> None:
         if not self._code:

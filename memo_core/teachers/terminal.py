@@ -169,7 +169,7 @@ class TerminalTeacher(Teacher):
         listed = [f"  {n}. {note.key or 'everywhere'}: {note.text}" for n, note in enumerate(noted.notes, 1)]
         asked = ["I noted:", *listed]
         hint = "y = right, x = strike all"
-        hint += f", x 1 … x {len(noted.notes)} = strike one" if len(noted.notes) > 1 else ""
+        hint += f", x {len(noted.notes)} = strike only note {len(noted.notes)}" if len(noted.notes) > 1 else ""
         while True:
             typed = self._line.ask(*asked, f"[{hint}, or say it in other words]")
             asked = []

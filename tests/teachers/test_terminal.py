@@ -246,6 +246,7 @@ def test_notes_are_accepted_struck_or_said_anew(monkeypatch, capsys, typed, kind
     assert (answer.kind, answer.words, answer.struck) == (kind, words, struck)
     shown = capsys.readouterr().err
     assert "OPEN(drawer): Pull the handle straight." in shown and "everywhere: Approach handles" in shown
+    assert "x 2 = strike only note 2" in shown
 
 
 def test_nothing_learnt_is_answered_with_a_question(monkeypatch, capsys):
