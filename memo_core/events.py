@@ -245,4 +245,4 @@ class Problem(Event):
 
     where: str
     message: str
-    asked: bool = False  # whether a person is asked about it next, in words that say it again
+    asked: bool = False  # whether the next question to the person says the same

@@ -32,8 +32,8 @@ from memo_core.events import (
     SubtaskEnded,
     SubtaskStarted,
 )
-from memo_core.policy.results import STATUS_IN_WORDS
 from memo_core.llm.spending import prompt_words
+from memo_core.policy.results import STATUS_IN_WORDS
 from memo_core.skillbook.model.entries import headline
 from memo_core.text import terminal
 
@@ -164,7 +164,7 @@ class Narrator:
 
     def _say_served(self, served: Sequence[EntryServed]) -> None:
         """A line of numbers for each retrieved entry, and its text in full width below."""
-        rows = [("served", "s", "r", "action", "objects", "key")]
+        rows: list[tuple[str, ...]] = [("served", "s", "r", "action", "objects", "key")]
         for one in served:
             of_key = (one.key_score, one.action_cosine, one.objects_cosine)
             numbers = ["" if one.key_score is None else f"{value:.2f}" for value in of_key]

@@ -8,8 +8,8 @@ from typing import Any
 import attrs
 
 from memo_core.errors import InvalidArgument
-from memo_core.runlog.event_log import read_events
 from memo_core.policy.results import STATUS_IN_WORDS
+from memo_core.runlog.event_log import read_events
 from memo_core.runs.folder import attempt_name, file_name
 from memo_core.text.parsing import parse_json
 
@@ -48,7 +48,7 @@ class Act:
 
     @property
     def ending(self) -> str:
-        """How it ended, in words; empty if it was cut off."""
+        """The status in words; empty if the run was cut off."""
         return STATUS_IN_WORDS.get(self.status, self.status)
 
 

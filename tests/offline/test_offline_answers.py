@@ -89,7 +89,9 @@ def test_words_that_are_not_understood_are_kept_beside_those_that_are_and_report
 @pytest.mark.parametrize("words", ["no, that's not right", "that was wrong, try again", "perambulate it widdershins"])
 def test_of_words_that_teach_nothing_no_note_is_made_but_why(words):
     said, _ = notes(words)
-    assert said.corrections == said.general == () and said.unclear.startswith(("none of these words is known", "something is denied"))
+    assert said.corrections == said.general == () and said.unclear.startswith(
+        ("none of these words is known", "something is denied")
+    )
 
 
 def test_coordinates_do_not_get_into_notes():

@@ -75,7 +75,9 @@ def narrated(*events, width=80, **how) -> str:
 
 def test_a_text_that_was_retrieved_takes_two_lines_at_80_columns():
     text = "Lead the handle along an arc about the hinge edge, the edge farthest from the handle."
-    shown = narrated(Retrieved("OPEN(oven)", (EntryServed(1, "correction", "OPEN(microwave)", text, 0.8, 1, 0.8, 0.9),)))
+    shown = narrated(
+        Retrieved("OPEN(oven)", (EntryServed(1, "correction", "OPEN(microwave)", text, 0.8, 1, 0.8, 0.9),))
+    )
     assert len(shown.splitlines()) == 4 and max(map(len, shown.splitlines())) <= 80
 
 

@@ -33,7 +33,7 @@ def passage(angle: float, clear: float, panel: float) -> float:
 
 
 def gap(width: float) -> str:
-    """How far an opening of ``width`` (m) is from being one that a hand can reach through, as part of a sentence."""
+    """The end of a sentence about a door whose opening of ``width`` (m) is too narrow for a hand."""
     return f"is open by only {100 * max(width, 0):.0f} cm, too little for a hand"
 
 

@@ -31,8 +31,8 @@ from memo_core.plugin import (
     Verdict,
     login_name,
     meaning_of,
-    teaches_nothing,
     place_in_words,
+    teaches_nothing,
 )
 from memo_web.robot_side.live import Live
 from memo_web.robot_side.pages_process import pages_process
