@@ -85,7 +85,7 @@ def _tell(report: DemoReport) -> None:
             run = report.runs[part.name]
             done = "done" if run.success else "not done"
             print(f"{number}. {part.title}: {run.instruction}: {done}")
-            print_wrapped(f"   {why[part.name]}", _WIDTH)
+            print_wrapped(f"  {why[part.name]}", _WIDTH)
     told = (
         "the lesson carried over" if report.told else "this is not the story it was meant to tell; the table says why"
     )
