@@ -12,6 +12,8 @@ STAMP := $(VENV)/.set-up
 # A part of the whole set-up, for whoever only wants to see the demo.
 DEMO_STAMP := $(VENV)/.set-up-demo
 DEMO_PLUGINS := $(addprefix plugins/,embedder franka llm offline perception sim_mujoco tabletop vectorstore web)
+# It also exports the sentence model, which would otherwise be the first run's wait.
+DOCTOR = @$(BIN)/memo doctor | grep '^MISSING'; echo "$(BIN)/memo doctor lists all that was found, and how to add what is optional."
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 REQUIREMENTS := Makefile pyproject.toml constraints.txt benchmarks/pyproject.toml $(addsuffix /pyproject.toml,$(PLUGINS))
 
@@ -32,13 +34,13 @@ $(STAMP): $(REQUIREMENTS) | $(VENV)/bin/python
 	$(PIP) $(if $(LOCKED),--no-build-isolation) --constraint constraints.txt \
 		--editable '.[arm,xacro,video,experiment,ray,postgres,docs,dev]' --editable ./benchmarks $(foreach p,$(PLUGINS),--editable './$(p)$(EXTRAS_$(notdir $(p)))')
 	@touch $@
-	@$(BIN)/memo doctor || true  # also exports the sentence model, which would otherwise be the first run's wait
+	$(DOCTOR)
 
 $(DEMO_STAMP): $(REQUIREMENTS) | $(VENV)/bin/python
 	@echo "Installing what the demo needs into $(VENV): about 2.8 GB. pip prints nothing meanwhile: 4 minutes on a fast line, 10 or more on a slow one."
 	$(PIP) --constraint constraints.txt --editable '.[arm,video]' $(foreach p,$(DEMO_PLUGINS),--editable ./$(p))
 	@touch $@
-	@$(BIN)/memo doctor || true
+	$(DOCTOR)
 
 # Where everything has been set up before, the demo uses that.
 demo: $(if $(wildcard $(STAMP)),$(STAMP),$(DEMO_STAMP))

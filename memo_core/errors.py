@@ -73,7 +73,9 @@ class UnknownName(MemoError):
     def __str__(self) -> str:
         known = ", ".join(sorted(self.available)) or "none"
         name = self.name if len(self.name) <= _LONGEST_NAME else f"{self.name[:_LONGEST_NAME]}…"
-        return f"unknown {self.kind} {name!r}{close_match(name, self.available)} (available: {known})"
+        guess = close_match(name, self.available)
+        listed = "memo tasks list" if guess and self.kind == "task" else f"available: {known}"
+        return f"unknown {self.kind} {name!r}{guess} ({listed})"
 
 
 @attrs.define(auto_exc=True, eq=False)

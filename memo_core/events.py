@@ -245,3 +245,4 @@ class Problem(Event):
 
     where: str
     message: str
+    asked: bool = False  # whether the next question to the person says the same

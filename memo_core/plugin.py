@@ -227,7 +227,11 @@ if TYPE_CHECKING:
     from memo_core.skills.recording_control import Command as Command, RecordingControl as RecordingControl
     from memo_core.skills.skill import skill as skill, skill_library as skill_library
     from memo_core.skills.values import Number as Number
-    from memo_core.teachers.answers import Meaning as Meaning, meaning_of as meaning_of
+    from memo_core.teachers.answers import (
+        Meaning as Meaning,
+        meaning_of as meaning_of,
+        teaches_nothing as teaches_nothing,
+    )
     from memo_core.teachers.terminal import login_name as login_name, place_in_words as place_in_words
     from memo_core.text.parsing import parse_json as parse_json, read_as as read_as
     from memo_core.text.reading_limits import LONGEST_WORDS as LONGEST_WORDS

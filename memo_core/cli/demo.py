@@ -9,12 +9,14 @@ import attrs
 import typer
 
 from memo_core.cli.options import ConfigFile, Json, Overrides, Seed, load
-from memo_core.cli.output import note, print_json, print_table
+from memo_core.cli.output import note, print_json, print_wrapped
 from memo_core.cli.signal_handling import INTERRUPTED
 from memo_core.errors import InvalidArgument
 
 if TYPE_CHECKING:
     from memo_core.demo.result import DemoReport
+
+_WIDTH = 80  # characters of a line
 
 
 def command(
@@ -32,9 +34,12 @@ def command(
     json: Json = False,
 ) -> None:
     """Teach the simulated arm once by language and test whether the lesson transfers to a task that was never
-    corrected. Four runs: without memory; taught; another task with an empty book; the same with the book from the
-    lesson; of the suite house-rules: without memory; told a rule; an older rule; a newer one. Reports what happened,
-    whatever the outcome, and writes videos and a page with images. Exit code 0 when all runs took place.
+    corrected. Four runs: a task without memory; the same task, taught; another task with an empty skillbook; that task
+    with the lesson. Reports what happened, whatever the outcome, and writes videos and a page with images. Exit code 0
+    when all runs took place.
+
+    With --set suite.backend=house-rules nobody watches; people said before where things belong. Four runs: a task
+    without memory; the same with what they said; another with what they said first; that one with what they say now.
     """
     from memo_core.cli.narration import Narrator
     from memo_core.demo.running import run_demo
@@ -75,12 +80,12 @@ def command(
 
 def _tell(report: DemoReport) -> None:
     why = report.why()
-    rows = []
-    for part in report.chapters:
+    for number, part in enumerate(report.chapters, start=1):
         if part.name in report.runs:
             run = report.runs[part.name]
-            rows.append((part.title, run.instruction, "done" if run.success else "not done", why[part.name]))
-    print_table(("", "task", "outcome", "why"), rows)
+            done = "done" if run.success else "not done"
+            print(f"{number}. {part.title}: {run.instruction}: {done}")
+            print_wrapped(f"  {why[part.name]}", _WIDTH)
     told = (
         "the lesson carried over" if report.told else "this is not the story it was meant to tell; the table says why"
     )

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import threading
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from rich.console import Console
 from rich.markup import escape
+from rich.padding import Padding
 from rich.syntax import Syntax
-from rich.table import Table
+from rich.text import Text
 
 from memo_core.events import (
     CodeEnded,
     CodeWritten,
+    EntryServed,
     EntryStored,
     EntryStruck,
     Event,
@@ -31,10 +33,12 @@ from memo_core.events import (
     SubtaskStarted,
 )
 from memo_core.llm.spending import prompt_words
+from memo_core.policy.results import STATUS_IN_WORDS
 from memo_core.skillbook.model.entries import headline
 from memo_core.text import terminal
 
 STATUS_COLOURS = {"approved": "green", "corrected": "yellow", "unobserved": "dim"}
+_TOLD_S = 0.5  # a quicker call that cost nothing is not told: a stand-in's, not a model's
 NEAR_MISSES = 3
 
 
@@ -57,6 +61,8 @@ class Narrator:
         self._skills = skills
         self._replay = replay
         self._matches: Counter[str] = Counter()  # notes about answers of a replay, and how often
+        self._planned: dict[int, str] = {}  # the run's subtasks by their number
+        self._code_told = False  # whether it was said where code is
         self._lock = threading.Lock()
         self._writing = ""  # the phase whose answer is on the screen, unfinished
         self._shown_while_written = ""  # the last that was
@@ -106,6 +112,7 @@ class Narrator:
     # -- events --------------------------------------------------------------------------------------------------------
     def _on_RunStarted(self, event: RunStarted) -> None:
         self.say(f'task "{event.instruction}" ({event.task}, seed {event.seed})', "bold")
+        self._planned = {}
         self._follow(event.live)
 
     def _follow(self, live: bool) -> None:
@@ -123,7 +130,10 @@ class Narrator:
 
     def _on_SubtaskStarted(self, event: SubtaskStarted) -> None:
         take = f", take {event.take}" if event.take > 1 else ""
-        self.console.print(f"\n[bold cyan]{escape(event.subtask)}[/] [dim]attempt {event.attempt}{take}[/]")
+        self._planned[event.number] = event.subtask
+        times = [one for number, one in self._planned.items() if number <= event.number].count(event.subtask)
+        again = f" (planned again, {times} times so far)" if times > 1 else ""
+        self.console.print(f"\n[bold cyan]{escape(event.subtask)}[/]{again} [dim]attempt {event.attempt}{take}[/]")
 
     def _on_ModelCalled(self, event: ModelCalled) -> None:
         words = f"  {event.phase}: {event.model}, {'recorded: ' * self._replay}{event.latency_s:.2f} s"
@@ -134,35 +144,45 @@ class Narrator:
             words += f", ${event.cost:.4f}"
         if event.problem:
             words += f", no answer: {event.problem}"
-        self.say(words + (", abandoned" if event.abandoned else ""), "dim")
+        of_note = event.cost or event.problem or event.abandoned or self._code or self._replay
+        if of_note or event.latency_s >= _TOLD_S:
+            self.say(words + (", abandoned" if event.abandoned else ""), "dim")
         if event.note and self._replay:
             self._matches[event.note] += 1
         elif event.note:
             self.say(f"  {event.note}", "dim")
-        if event.not_understood:
+        if event.not_understood and event.phase != "feedback":  # there the notes, or the question, say so
             self.say(f"  not understood: {', '.join(event.not_understood)}", "yellow")
 
     def _on_Retrieved(self, event: Retrieved) -> None:
         if not event.served:
             self.say("  nothing relevant in the skillbook", "dim")
         else:
-            table = Table(box=None, padding=(0, 1), show_header=True, header_style="dim")
-            for column in ("  served", "s", "r", "action", "objects", "key", "text"):
-                table.add_column(column, overflow="fold", no_wrap=column not in ("key", "text"))
-            for one in event.served:
-                text = headline(one.kind, one.text)
-                of_key = (one.key_score, one.action_cosine, one.objects_cosine)
-                numbers = [f"{one.score:.2f}"] + ["" if one.key_score is None else f"{v:.2f}" for v in of_key]
-                hint = ", hint" if one.hint else ""
-                table.add_row(f"  {one.kind}{hint}", *numbers, escape(one.key), escape(text))
-            self.console.print(table)
+            self._say_served(event.served)
         for key, score, rule in event.cut[:NEAR_MISSES]:
             self.say(f"  not served: {key} (r {score:.2f}, {rule})", "dim")
+
+    def _say_served(self, served: Sequence[EntryServed]) -> None:
+        """A line of numbers for each retrieved entry, and its text in full width below."""
+        rows: list[tuple[str, ...]] = [("served", "s", "r", "action", "objects", "key")]
+        for one in served:
+            of_key = (one.key_score, one.action_cosine, one.objects_cosine)
+            numbers = ["" if one.key_score is None else f"{value:.2f}" for value in of_key]
+            rows.append((one.kind + ", hint" * one.hint, f"{one.score:.2f}", *numbers, one.key))
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        for place, row in enumerate(rows):
+            line = "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip()
+            self.console.print(Padding(Text(line, "" if place else "dim"), (0, 0, 0, 3), expand=False))
+            if place:
+                text = headline(served[place - 1].kind, served[place - 1].text)
+                self.console.print(Padding(Text(text), (0, 0, 0, 5), expand=False))
 
     def _on_CodeWritten(self, event: CodeWritten) -> None:
         if not self._code:
             lines = len(event.code.splitlines())
-            self.say(f"  code: {lines} line{'s' * (lines != 1)}, in the run folder (--verbose shows it)", "dim")
+            where = "" if self._code_told else ", in the run folder (--verbose shows it)"
+            self.say(f"  code: {lines} line{'s' * (lines != 1)}{where}", "dim")
+            self._code_told = True
         elif self._shown_while_written != "code":
             colours = Syntax("", "python", theme="ansi_dark", background_color="default")
             # Long lines are left to the terminal: a Syntax would cut them off at its edge.
@@ -206,10 +226,12 @@ class Narrator:
 
     def _on_SubtaskEnded(self, event: SubtaskEnded) -> None:
         colour = STATUS_COLOURS.get(event.status, "")
-        self.console.print(f"  [{colour}]{event.status}[/] after {event.attempts} attempt{'s' * (event.attempts != 1)}")
+        status = STATUS_IN_WORDS.get(event.status, event.status)
+        self.console.print(f"  [{colour}]{status}[/] ({event.attempts} attempt{'s' * (event.attempts != 1)})")
 
     def _on_Problem(self, event: Problem) -> None:
-        self.say(f"  {event.where}: {event.message}", "yellow")
+        if not event.asked:
+            self.say(f"  {event.where}: {event.message}", "yellow")
 
     def _on_RunEnded(self, event: RunEnded) -> None:
         verdict = {

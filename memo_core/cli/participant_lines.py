@@ -152,4 +152,5 @@ class ParticipantLines:
         self._say(f"\nThat was your session, {event.participant}. Thank you!", "bold")
 
     def _on_Problem(self, event: Problem) -> None:
-        self._say(f"  {event.where}: {event.message}", "yellow")
+        if not event.asked:
+            self._say(f"  {event.where}: {event.message}", "yellow")

@@ -116,11 +116,11 @@ def command(
                 f"{report.task}, seed {report.seed}: {verdict}"
                 + (f" ({report.outcome.reason})" if report.outcome and not report.error else "")
             )
-            if report.problem:
+            if report.problem and not report.ended_by_person:  # the narration ends with that
                 note(f"memo: {report.problem}")
             print(f"kept in {report.folder}")
     if report.resumable:
-        note(f"memo: the run was interrupted; to continue: memo run --resume {quote(str(report.folder))}")
+        note(f"memo: to continue: memo run --resume {quote(str(report.folder))}")
     if not report.success:
         raise typer.Exit(INTERRUPTED if report.ended_by_person else 1)
 

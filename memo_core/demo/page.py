@@ -39,7 +39,6 @@ def write_demo_report(report: DemoReport) -> Path:
             chapters=chapters,
             pictures=_Pictures(),
             changes=changes,
-            problems=sorted({problem for chapter in chapters for problem in chapter["story"].problems}),
         )
     )
     path = report.folder / "report.html"

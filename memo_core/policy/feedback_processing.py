@@ -59,7 +59,8 @@ class Earlier:
 class Circumstances:
     """What a run knows about a remark beyond what the book stores: what the code printed and how it ended, earlier
     remarks about the same subtask, the run's other subtasks, and the attempt's programs ``before`` that code.
-    ``asked``: the question that the words answer, and the words that prompted the question."""
+    ``asked``: the question that the words answer, and the words that prompted the question. ``read_back``: whether the
+    person is shown the notes, or the question."""
 
     printed: str = ""
     ended: str = "a person found fault with it"
@@ -67,6 +68,7 @@ class Circumstances:
     subtasks: tuple[Key, ...] = ()
     asked: tuple[str, str] = ("", "")  # words, question
     before: tuple[Tried, ...] = ()
+    read_back: bool = False
 
 
 @attrs.frozen
@@ -98,9 +100,10 @@ class FeedbackProcessor:
         """Ask a model what can be learnt, and store it. The feedback is set aside with the reason if it is too long, if
         the answer cannot be read, or if the answer says that nothing can be learnt; if the model cannot be asked, the
         feedback stays as it is. Raises ``Stopped``."""
-        if unread := too_long(feedback.words):
-            return self._set_aside(feedback, unread, f"{unread}. What should I do differently, in fewer words?")
         about = circumstances or Circumstances()
+        if unread := too_long(feedback.words):
+            question = f"{unread}. What should I do differently, in fewer words?"
+            return self._set_aside(feedback, unread, question, about.read_back)
         try:
             key = Key.parse(feedback.subtask)
             others = tuple(other for other in about.subtasks if other != key and not is_of_plans(other))
@@ -131,7 +134,8 @@ class FeedbackProcessor:
             return self._set_aside(feedback, str(getattr(error, "problem", error)))
         if not notes:
             why = notes.unclear or "no note was made"
-            return self._set_aside(feedback, f"nothing could be learnt from it: {why}", notes.unclear)
+            reason = f"nothing could be learnt from it: {why}"
+            return self._set_aside(feedback, reason, notes.unclear, about.read_back)
         # All of them, whatever this method reads: another one may read the same book.
         entries = self._book.add_notes(feedback.id, self._filed(notes, key, feedback.task), feedback.scene)
         for entry in entries:
@@ -149,9 +153,12 @@ class FeedbackProcessor:
         filed += [Note(plan if self._teaching.plan_notes else GLOBAL_KEY, text) for text in notes.plan]
         return list(dict.fromkeys([*filed, *(Note(GLOBAL_KEY, text) for text in notes.general)]))
 
-    def _set_aside(self, feedback: Feedback, reason: str, question: str = "") -> ProcessedFeedback:
+    def _set_aside(
+        self, feedback: Feedback, reason: str, question: str = "", read_back: bool = False
+    ) -> ProcessedFeedback:
         self._book.park(feedback.id, reason)
-        self._emit(Problem(f"feedback {feedback.id} is set aside (see `memo skillbook list`)", reason))
+        where = f"feedback {feedback.id} is set aside (see `memo skillbook list`)"
+        self._emit(Problem(where, reason, asked=read_back and bool(question)))
         return ProcessedFeedback(feedback.id, "set aside", reason=reason, question=question)
 
 

@@ -155,7 +155,7 @@ class Loop:
             if not self._plan_approved(key):
                 continue
             if self._asked_too_often(key):
-                return self._ended(f"{key} was tried {self._settings.repeats} times and is still asked for")
+                return self._ended(f"{key} was planned {self._settings.repeats} times in a row and is still asked for")
             at = _Subtask(key, self._world.checkpoint(), self._world.glance(), Attempt(1, self._world.scene))
             try:
                 self._end_subtask(at, self._subtask(at))

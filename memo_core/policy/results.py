@@ -9,6 +9,11 @@ import attrs
 from memo_core.errors import MemoError
 
 Status = Literal["approved", "corrected", "unobserved"]
+STATUS_IN_WORDS = {
+    "approved": "approved",
+    "corrected": "corrected, never approved",
+    "unobserved": "nobody said whether it worked",
+}
 
 
 @attrs.frozen

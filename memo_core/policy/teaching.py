@@ -205,13 +205,18 @@ class Teaching:
             remark.subtasks,
             remark.asked,
             judged.before,
+            self._reads_back,
         )
+
+    @property
+    def _reads_back(self) -> bool:
+        return self._session.person.reads_back and self._session.teaching.read_back
 
     def _read_back(self, remark: _Remark, noted: ProcessedFeedback) -> Feedback | None:
         """Read what was noted back to the person and do as they say. What they said instead, to be noted; None where
         there is none."""
         assert self._book is not None and self._raw is not None
-        if not (self._session.person.reads_back and self._session.teaching.read_back):
+        if not self._reads_back:
             return None
         notes = tuple(ReadNote(one.text, str(one.key) if one.key.objects else "") for one in noted.entries)
         question = noted.question or ("" if notes else "I could make nothing of that. What should I do differently?")

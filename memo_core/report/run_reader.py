@@ -8,6 +8,7 @@ from typing import Any
 import attrs
 
 from memo_core.errors import InvalidArgument
+from memo_core.policy.results import STATUS_IN_WORDS
 from memo_core.runlog.event_log import read_events
 from memo_core.runs.folder import attempt_name, file_name
 from memo_core.text.parsing import parse_json
@@ -43,6 +44,12 @@ class Act:
     number: int
     status: str = ""
     tries: list[Try] = attrs.field(factory=list)
+    planned: int = 1  # how often the subtask was planned so far
+
+    @property
+    def ending(self) -> str:
+        """The status in words; empty if the run was cut off."""
+        return STATUS_IN_WORDS.get(self.status, self.status)
 
 
 @attrs.define
@@ -94,7 +101,8 @@ def _note(story: Story, event: dict[str, Any]) -> None:
         story.problems.append(f"{event['where']}: {event['message']}")
     elif kind == "SubtaskStarted":
         if not story.acts or story.acts[-1].number != event["number"]:
-            story.acts.append(Act(event["subtask"], event["number"]))
+            planned = 1 + sum(act.subtask == event["subtask"] for act in story.acts)
+            story.acts.append(Act(event["subtask"], event["number"], planned=planned))
         story.acts[-1].tries.append(Try(event["attempt"], event.get("take", 1)))
     elif kind == "SubtaskEnded" and story.acts:
         story.acts[-1].status = event["status"]

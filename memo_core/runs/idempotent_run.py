@@ -53,7 +53,7 @@ def do_one(
     if report.error is not None:
         raise NotCarriedOut(str(folder), report.error)
     if summary["resumable"]:
-        raise Stopped(f"{folder}: {summary['problem'] or summary['ended']}")
+        raise Stopped(f"doing {folder} ({summary['problem'] or summary['ended']})")
     return summary
 
 

@@ -87,6 +87,15 @@ def meaning_of(words: str) -> Meaning:
     return "unsure" if begins and any(token in PRAISE for token in tokens[:4]) else "correct"
 
 
+def teaches_nothing(words: str) -> bool:
+    """Whether an answer is a bare yes, no or praise, which says nothing that could be done differently.
+
+    Args:
+        words: the answer as typed.
+    """
+    return meaning_of(words) == "approve" or bare(words) in YES_ELSEWHERE | NO | NO_ELSEWHERE
+
+
 def in_other_words(words: str) -> bool:
     """Whether an answer without English praise is so short that it may be a yes or no all the same."""
     if too_long(words):

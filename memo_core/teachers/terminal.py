@@ -22,7 +22,17 @@ from memo_core.interfaces.teacher import (
     Verdict,
 )
 from memo_core.scene.graph import Node
-from memo_core.teachers.answers import NO, NO_ELSEWHERE, YES, YES_ELSEWHERE, Meaning, bare, in_other_words, meaning_of
+from memo_core.teachers.answers import (
+    NO,
+    NO_ELSEWHERE,
+    YES,
+    YES_ELSEWHERE,
+    Meaning,
+    bare,
+    in_other_words,
+    meaning_of,
+    teaches_nothing,
+)
 from memo_core.teachers.typed_line import TypedLine
 from memo_core.text.reading_limits import LONGEST_WORDS
 
@@ -159,7 +169,7 @@ class TerminalTeacher(Teacher):
         listed = [f"  {n}. {note.key or 'everywhere'}: {note.text}" for n, note in enumerate(noted.notes, 1)]
         asked = ["I noted:", *listed]
         hint = "y = right, x = strike all"
-        hint += f", x 1 … x {len(noted.notes)} = strike one" if len(noted.notes) > 1 else ""
+        hint += f", x {len(noted.notes)} = strike only note {len(noted.notes)}" if len(noted.notes) > 1 else ""
         while True:
             typed = self._line.ask(*asked, f"[{hint}, or say it in other words]")
             asked = []
@@ -191,18 +201,16 @@ class TerminalTeacher(Teacher):
 
     def _nothing_learnt(self, noted: Noted) -> ReadBack:
         question = noted.question or "What should I do differently?"
-        asked = f'I could not learn anything from "{noted.words}". {question}'
         while True:
-            typed = self._line.ask(asked, "[y = yes, s = never mind, or say it in other words]")
+            typed = self._line.ask(
+                f"I could not learn anything from that. {question}", "[s = never mind, or say it in other words]"
+            )
             if typed is None:
                 return _ended(ReadBack("accepted"), "nothing is noted")
-            meaning = "approve" if bare(typed) in YES_ELSEWHERE else meaning_of(typed)
+            meaning = meaning_of(typed)
             if meaning == "silent":
                 return ReadBack("accepted")
-            if meaning == "approve":  # an answer where the question proposes something; once, lest it goes round
-                answered = not noted.question or noted.words.rstrip().endswith("\nyes")
-                return ReadBack("accepted") if answered else ReadBack("reworded", "yes")
-            if meaning not in ("empty", "explain") and bare(typed) not in NO_ELSEWHERE:
+            if meaning not in ("empty", "explain") and not teaches_nothing(typed):
                 return ReadBack("reworded", typed.strip())
 
     # -- hardware ------------------------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ import re
 
 import pytest
 
-from memo_core.events import CodeEnded, EntryStruck
+from memo_core.events import CodeEnded, EntryStruck, Problem
 from memo_core.interfaces.llm import Message
 from memo_core.interfaces.teacher import ReadBack, Verdict
 from memo_core.llm.prompt_sections import Prompt
@@ -413,6 +413,16 @@ def test_where_nothing_was_learnt_the_person_is_asked_before_anything_is_tried_a
     assert "> that was wrong" in asked and "What was wrong: the place" in asked and "> the height" in asked
     assert [one.text for one in book.entries("correction")] == ["Grip it higher."]
     assert len(bench.of(CodeEnded)) == 2 and "Grip it higher." in bench.llm.prompts("code")[1]
+    [aside] = bench.of(Problem)
+    assert aside.asked and "the place, or the height?" in aside.message
+
+
+def test_where_nobody_is_asked_the_question_is_told(sandbox, book):
+    unclear = notes(unclear="What was wrong: the place, or the height?")
+    bench = Bench(sandbox, book, SCRIPT | {"feedback": [unclear]}, [NO, YES])
+    bench.run()
+    [aside] = bench.of(Problem)
+    assert not aside.asked and "the place, or the height?" in aside.message
 
 
 def test_switched_off_nobody_is_asked_about_notes(sandbox, book):

@@ -4,10 +4,20 @@ from __future__ import annotations
 
 import io
 
+import attrs
 from rich.console import Console
 
 from memo_core.cli.narration import Narrator
-from memo_core.events import CodeWritten, EntryServed, ModelCalled, Retrieved, RunEnded
+from memo_core.events import (
+    CodeWritten,
+    EntryServed,
+    ModelCalled,
+    Problem,
+    Retrieved,
+    RunEnded,
+    SubtaskEnded,
+    SubtaskStarted,
+)
 from memo_core.skillbook.model.entries import headline
 
 TEMPLATE = (
@@ -55,6 +65,47 @@ def test_what_a_model_writes_is_folded_where_it_is_not_asked_for_and_never_strea
         assert shown.getvalue().count("being written …") == (3 if terminal else 0)
 
 
+def narrated(*events, width=80, **how) -> str:
+    shown = io.StringIO()
+    narrator = Narrator(Console(file=shown, width=width, no_color=True, highlight=False), **how)
+    for event in events:
+        narrator(event)
+    return shown.getvalue()
+
+
+def test_a_text_that_was_retrieved_takes_two_lines_at_80_columns():
+    text = "Lead the handle along an arc about the hinge edge, the edge farthest from the handle."
+    shown = narrated(
+        Retrieved("OPEN(oven)", (EntryServed(1, "correction", "OPEN(microwave)", text, 0.8, 1, 0.8, 0.9),))
+    )
+    assert len(shown.splitlines()) == 4 and max(map(len, shown.splitlines())) <= 80
+
+
+def test_calls_that_took_no_time_and_cost_nothing_are_not_told():
+    quick = ModelCalled("code", "offline", 3839, 490, 0.0, 0.01)
+    assert narrated(quick, code=False) == ""
+    assert "3839" in narrated(quick, code=True)
+    for told in ({"cost": 0.02}, {"latency_s": 3.0}, {"problem": "no connection"}):
+        assert "3839" in narrated(attrs.evolve(quick, **told), code=False)
+
+
+def test_a_subtask_that_is_planned_again_says_so():
+    first = SubtaskStarted("PLACE(food, oven)", 3, 1)
+    assert "again" not in narrated(first, attrs.evolve(first, attempt=2))
+    assert "planned again, 2 times so far" in narrated(first, attrs.evolve(first, number=4))
+
+
+def test_silence_is_told_in_words():
+    assert "nobody said whether it worked (1 attempt)" in narrated(SubtaskEnded("OPEN(oven)", "unobserved", 1))
+
+
+def test_what_a_person_is_asked_about_next_is_not_told_before():
+    aside = Problem("feedback 1 is set aside", "nothing could be learnt from it: Which way?", asked=True)
+    asked = ModelCalled("feedback", "m", 10, 5, None, 1.0, not_understood=("the words",))
+    assert narrated(aside, asked).count("Which way?") == 0 and "the words" not in narrated(asked)
+    assert "Which way?" in narrated(attrs.evolve(aside, asked=False))
+
+
 def test_a_template_is_listed_by_what_it_does():
     assert headline("template", TEMPLATE) == "open_by_an_arc: Lead the handle along an arc."
     assert headline("template", "def (") == "def ("
@@ -91,8 +142,8 @@ def test_the_score_and_the_keys_likeness_are_told_apart_and_hints_are_marked():
     hint = EntryServed(2, "template", "PULL(drawer)", "def pull(): ...", 0.7, 0.8, 0.7, 0.775, hint=True)
     general = EntryServed(3, "general", "*", "Go slowly.", 0.41, 0.0, 0.0)
     head, *rows, cut = table_of(near, hint, general)
-    assert head == ["served", "s", "r", "action", "objects", "key", "text"]
-    assert rows[0][:6] == ["correction", "0.68", "0.92", "1.00", "0.66", "OPEN(fridge)"]
-    assert rows[1][:5] == ["template,", "hint", "0.70", "0.78", "0.80"]
-    assert rows[2][:4] == ["general", "0.41", "*", "Go"], "a general statement has no key"
+    assert head == ["served", "s", "r", "action", "objects", "key"]
+    assert rows[0] == ["correction", "0.68", "0.92", "1.00", "0.66", "OPEN(fridge)"] and rows[1] == ["In", "an", "arc."]
+    assert rows[2][:5] == ["template,", "hint", "0.70", "0.78", "0.80"]
+    assert rows[4:] == [["general", "0.41", "*"], ["Go", "slowly."]], "a general statement has no key"
     assert cut[:5] == ["not", "served:", "PUT(pan,", "oven)", "(r"]

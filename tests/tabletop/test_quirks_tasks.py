@@ -193,7 +193,7 @@ WRONG = {
         wrong(
             "cheating",
             "keeps the hand where the door opens",
-            "lets only",
+            "open by only",
             "geometry",
             "push_open",
             calls='push_open("cupboard", away=0)' + STAY,
@@ -232,25 +232,35 @@ WRONG = {
     ),
     OpenTheWardrobe: (
         door(
-            "nearly right", "eases off before it sticks", "lets only", 'open_door_twice("wardrobe", 0.5)', "second_pull"
+            "nearly right",
+            "eases off before it sticks",
+            "open by only",
+            'open_door_twice("wardrobe", 0.5)',
+            "second_pull",
         ),
-        door("sloppy", "pulls straight", "lets only", STRAIGHT.format("wardrobe")),
+        door("sloppy", "pulls straight", "open by only", STRAIGHT.format("wardrobe")),
         door(
             "cheating",
             "opens as far as it goes at once",
-            "lets only",
+            "open by only",
             'open_door_twice("wardrobe", 0.45, 0.67)',
             "second_pull",
         ),
     ),
     OpenTheMedicineCabinet: (
-        door("nearly right", "half-way round", "lets only", 'open_near_hinge("medicine cabinet", 0.6)', "near_hinge"),
-        door("sloppy", "pulls straight", "lets only", STRAIGHT.format("medicine cabinet")),
+        door(
+            "nearly right",
+            "half-way round",
+            "open by only",
+            'open_near_hinge("medicine cabinet", 0.6)',
+            "near_hinge",
+        ),
+        door("sloppy", "pulls straight", "open by only", STRAIGHT.format("medicine cabinet")),
         door("cheating", "keeps hold of the door", "touches the door", HOLD_ON.format("medicine cabinet", True, 0.0)),
     ),
     OpenTheFreezer: (
-        door("nearly right", "half-way round", "lets only", 'open_near_hinge("freezer", 0.6)', "near_hinge"),
-        door("sloppy", "pulls straight", "lets only", STRAIGHT.format("freezer")),
+        door("nearly right", "half-way round", "open by only", 'open_near_hinge("freezer", 0.6)', "near_hinge"),
+        door("sloppy", "pulls straight", "open by only", STRAIGHT.format("freezer")),
         door("cheating", "keeps hold of the door", "touches the door", HOLD_ON.format("freezer", True, 0.0)),
     ),
     PepperTheSoup: shaking("pepper mill", "soup bowl"),

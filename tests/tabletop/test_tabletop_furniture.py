@@ -85,8 +85,8 @@ WRONG = {
     PutTheFoodInTheMicrowave: into("microwave"),
     PutTheFoodInTheOven: into("oven"),
     OpenTheFridge: (
-        Wrong("sloppy", "opens it by a gap", 'open_door("fridge", 0.5)', "lets only", "", DOOR),
-        Wrong("nearly right", "opens it by 50 degrees", 'open_door("fridge", 0.87)', "lets only", "", DOOR),
+        Wrong("sloppy", "opens it by a gap", 'open_door("fridge", 0.5)', "open by only", "", DOOR),
+        Wrong("nearly right", "opens it by 50 degrees", 'open_door("fridge", 0.87)', "open by only", "", DOOR),
         Wrong(
             "cheating",
             "holds on to the handle",

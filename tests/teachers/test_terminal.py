@@ -246,6 +246,7 @@ def test_notes_are_accepted_struck_or_said_anew(monkeypatch, capsys, typed, kind
     assert (answer.kind, answer.words, answer.struck) == (kind, words, struck)
     shown = capsys.readouterr().err
     assert "OPEN(drawer): Pull the handle straight." in shown and "everywhere: Approach handles" in shown
+    assert "x 2 = strike only note 2" in shown
 
 
 def test_nothing_learnt_is_answered_with_a_question(monkeypatch, capsys):
@@ -255,12 +256,12 @@ def test_nothing_learnt_is_answered_with_a_question(monkeypatch, capsys):
     assert typing(monkeypatch, "s").read_back(noted()[1]).kind == "accepted"
 
 
-def test_yes_to_what_is_asked_back_is_an_answer_once(monkeypatch):
-    asked = attrs.evolve(noted()[1], words="come lower, the thingummy", question="is this what you mean: Go lower.")
-    answer = typing(monkeypatch, "y").read_back(asked)
-    assert (answer.kind, answer.words) == ("reworded", "yes")
-    again = attrs.evolve(asked, words=f"{asked.words}\nyes")
-    assert typing(monkeypatch, "y").read_back(again).kind == "accepted", "it is not asked for ever"
+@pytest.mark.parametrize("typed", ["y", "yes", "ja", "good", "n", "nein"])
+def test_yes_or_no_where_nothing_was_learnt_repeats_the_question(monkeypatch, capsys, typed):
+    answer = typing(monkeypatch, typed, "go lower").read_back(noted()[1])
+    assert (answer.kind, answer.words) == ("reworded", "go lower")
+    shown = capsys.readouterr().err
+    assert shown.count("What should be done differently?") == 2 and "y =" not in shown
 
 
 def test_read_back_can_be_switched_off():

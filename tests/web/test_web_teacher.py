@@ -186,13 +186,21 @@ def test_praise_of_the_notes_that_says_more_is_asked_back(watched, pages):
 
 
 @pytest.mark.parametrize(
-    ("words", "reaction"), [("yes", ReadBack("reworded", "yes")), ("nothing", ReadBack("accepted"))]
+    ("words", "reaction"), [("go slower", ReadBack("reworded", "go slower")), ("nothing", ReadBack("accepted"))]
 )
 def test_a_short_answer_where_nothing_was_noted(watched, pages, words, reaction):
     noted = Noted("not so", "OPEN(microwave)", (), question="Shall I go slower?")
     results = watched.asked(lambda teacher: teacher.read_back(noted))
     pages.answer(question(pages), choice="", words=words)
     assert result(results) == reaction
+
+
+def test_yes_where_nothing_was_noted_repeats_the_question(watched, pages):
+    noted = Noted("not so", "OPEN(microwave)", (), question="Shall I go slower?")
+    results = watched.asked(lambda teacher: teacher.read_back(noted))
+    pages.answer(question(pages), choice="", words="yes")
+    pages.answer(question(pages), choice="", words="go slower")
+    assert result(results) == ReadBack("reworded", "go slower")
 
 
 def test_striking_nothing_is_asked_again(watched, pages):

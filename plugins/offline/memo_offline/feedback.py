@@ -12,7 +12,7 @@ from memo_core.plugin import PLANNING, Prompt, SceneGraph, UnreadablePrompt
 from memo_offline.editing import axis_of, length_of, metres, reach
 from memo_offline.phrases import Amount, load
 from memo_offline.planning import wish_in
-from memo_offline.reading import Edit, Reading, read
+from memo_offline.reading import UNKNOWN, Edit, Reading, read
 from memo_offline.recipe import Recipe
 from memo_offline.writing import FOLLOWED, NOT_FOLLOWED, NOT_UNDERSTOOD, plain_recipe
 
@@ -49,8 +49,10 @@ def note(prompt: Prompt) -> NotesAnswer:
         return _asking(said, "that was praise, and nothing is noted of praise. What should be different, if anything?")
     if asked and len(said.split()) > 2 and "?" not in said:
         return _answer(corrections=[plainly(said)], missed=(said,))
-    names = load().offers(plain.kind)
-    return _asking(said, f"{reading.doubt}. What should be different? You said: {said[:60]!r}. Understood: {names}")
+    if reading.doubt == UNKNOWN:
+        known = f"Known are: {load().offers(plain.kind)} (all: docs/offline-backend.md)"
+        return _asking(said, f"{UNKNOWN}. {known}. What should be different?")
+    return _asking(said, reading.doubt)
 
 
 def plainly(sentence: str) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 import attrs
 import yaml
 
-OFFERED = 240  # characters of the names that a question offers
+OFFERED = 90  # characters of the names that a question offers
 UNITS = {"cm": 0.01, "mm": 0.001, "m": 1.0, "inch": 0.0254}  # of lengths, in metres
 _DROPPED = frozenset(["the", "a", "an", "your", "my", "its", "their", "this", "please", "just", "really", "very"])
 _PRONOUNS = {"them": "it", "they": "it", "that": "it", "those": "it", "these": "it"}

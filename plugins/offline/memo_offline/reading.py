@@ -25,6 +25,7 @@ _IMPERATIVE_NO = {
 _ALONE = {"degrees": "through an angle", "times": "again"}  # what an amount says that nothing else takes
 _EVERYWHERE = re.compile(r"\b(?:always|every time|in general|generally|everything|all \w+s)\b")
 _CONTRAST = re.compile(r",\s*(?:and |but )?not ([^,.;:!?]+)")  # "from above, not from the side"
+UNKNOWN = "none of these words is known"
 _COUNTS = {"twice": 2, "again": 2, "once more": 2, "a second time": 2}
 
 
@@ -179,24 +180,25 @@ def _doubt(
 ) -> str:
     """Why a remark with keywords is not followed; "" where nothing speaks against it."""
     if "?" in text:
-        return "it is a question"
+        return "it is a question; say what to do instead"
     if found := _first(left, phrases.conditions):
-        return f"it holds under a condition ({found[1]!r})"
+        return f"it holds under a condition ({found[1]!r}); say only what to do"
     if found := _first(left, phrases.relations):
-        return f"it says where beside something else ({found[1]!r})"
+        return f"it says where beside something else ({found[1]!r}); say which way and how far"
     clauses = {tokens.clause(hit.start) for hit in hits}
     for words in phrases.negations:
         for start in _places(left, words):
             if words in _IMPERATIVE_NO or tokens.clause(start) in clauses:
-                return f"something is denied ({' '.join(words)!r})"
+                return f"something is denied ({' '.join(words)!r}); say only what to do"
     for start in _places(left, ("no",)):
         if any(hit.start == start + 1 for hit in hits) and start + 1 not in tokens.starts:
-            return "something is denied ('no')"
+            return "something is denied ('no'); say only what to do"
     for index, one in enumerate(edits):
         for other in edits[index + 1 :]:
             if one.phrase.matter == other.phrase.matter:
-                return f"two things are asked that do not go together ({one.phrase.name}; {other.phrase.name})"
-    return f"it is not clear what {unused[0].said!r} is about" if unused else ""
+                pair = f"{one.phrase.name}; {other.phrase.name}"
+                return f"two things are asked that do not go together ({pair}); say only one of them"
+    return f"it is not clear what {unused[0].said!r} is about; say it with its direction" if unused else ""
 
 
 def _nothing(tokens: Tokens, phrases: Phrases) -> Reading:
@@ -209,7 +211,7 @@ def _nothing(tokens: Tokens, phrases: Phrases) -> Reading:
     denied = any(_places(left, words) for words in phrases.negations) or "no" in left
     if praised and not denied and sum(map(bool, left)) <= 4:
         return Reading(praise=True)
-    return Reading(doubt="none of these words is known")
+    return Reading(doubt=UNKNOWN)
 
 
 def _first(left: list[str], known: Iterable[tuple[str, ...]]) -> tuple[int, str] | None:

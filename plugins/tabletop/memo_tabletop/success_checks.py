@@ -32,6 +32,11 @@ def passage(angle: float, clear: float, panel: float) -> float:
     return clear - panel * max(0.0, math.cos(angle)) if angle < math.pi / 2 else clear
 
 
+def gap(width: float) -> str:
+    """The end of a sentence about a door whose opening of ``width`` (m) is too narrow for a hand."""
+    return f"is open by only {100 * max(width, 0):.0f} cm, too little for a hand"
+
+
 def held(world: WorldState, thing: str) -> bool:
     """Whether robot links press on it, or on its parts, from two sides and nothing else touches it."""
     contacts = world.contacts(thing)

@@ -143,7 +143,7 @@ class Player(LanguageModel):
 
 def _note(found: Match) -> str:
     if found.reworded:
-        return "recorded in the same situation with a prompt that has changed since"
+        return "recorded in the same situation with a prompt that has changed since, which does no harm"
     if not found.numbers:
         return ""
     return f"recorded for a question with {found.numbers} slightly other numbers (by at most {found.off:.3g})"

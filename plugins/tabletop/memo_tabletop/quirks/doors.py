@@ -39,7 +39,7 @@ class OpenADoor(OpenAThing):
         angle = world.joint_position(self.joint)
         width = checks.passage(angle, self.size[1] - 2 * WALL, self.size[1])
         wide = width >= checks.HAND_PASSAGE_M
-        how = f"lets {'' if wide else 'only '}{max(width, 0):.2f} m through"
+        how = f"is open by {100 * width:.0f} cm" if wide else checks.gap(width)
         return wide, "is shut" if angle < math.radians(3) else how, {"door_rad": angle, "passage_m": width}
 
     @property

@@ -46,7 +46,7 @@ class FoodInCabinet(Task):
         passage = self._passage(angle, described)
         inside = checks.inside(world, name, described.cavities[0], food((0.0, 0.0, 0.0), 0.0))
         conditions = (
-            (passage >= self._needed_passage(), f"the {name} door lets only {max(passage, 0):.2f} m through"),
+            (passage >= self._needed_passage(), f"the {name} door {checks.gap(passage)}"),
             (inside, f"the food is not wholly inside the {name}"),
             *checks.let_go(world, "food"),
         )

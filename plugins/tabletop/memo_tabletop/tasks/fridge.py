@@ -57,7 +57,7 @@ class OpenTheFridge(Task):
         angle = world.joint_position("fridge/hinge")
         width = checks.passage(angle, SIZE[1] - 2 * WALL, SIZE[1])
         conditions = (
-            (width >= checks.HAND_PASSAGE_M, f"the fridge door lets only {max(width, 0):.2f} m through"),
+            (width >= checks.HAND_PASSAGE_M, f"the fridge door {checks.gap(width)}"),
             (checks.released(world, "fridge/door"), "the robot still touches the door"),
             (abs(world.joint_velocity("fridge/hinge")) < checks.AT_REST_RAD_S, "the door is still moving"),
         )

@@ -305,7 +305,7 @@ class TeachingPage:
                     gone = data["entry"] in struck
                     note = ui.label(f"{'struck' if gone else 'noted'} ({data['kind']}, {data['key']}): {data['text']}")
                     note.classes("memo-text q-pl-md" + " text-strike" * gone)
-                elif event["event"] == "Problem":
+                elif event["event"] == "Problem" and not data["asked"]:
                     ui.label(f"{data['where']}: {data['message']}").classes("memo-text text-negative")
 
     # -- pictures ------------------------------------------------------------------------------------------------------

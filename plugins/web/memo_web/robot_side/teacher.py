@@ -32,6 +32,7 @@ from memo_core.plugin import (
     login_name,
     meaning_of,
     place_in_words,
+    teaches_nothing,
 )
 from memo_web.robot_side.live import Live
 from memo_web.robot_side.pages_process import pages_process
@@ -345,8 +346,9 @@ class WebTeacher(Teacher):
                 "notes", title, (("accept", "Never mind"),), (f"You said: {noted.words}", asked), "In other words"
             )
             words = _words(answer)
-            never_mind = answer.get("choice") == "accept" or meaning_of(words) in ("silent", "empty")
-            return ReadBack("accepted") if never_mind else ReadBack("reworded", words)
+            if answer.get("choice") == "accept" or meaning_of(words) in ("silent", "empty"):
+                return ReadBack("accepted")
+            return self.read_back(noted) if teaches_nothing(words) else ReadBack("reworded", words)
         notes = [{"key": note.key or "everywhere", "text": note.text} for note in noted.notes]
         right = "Right, keep them"
         choices = (("accept", right), ("strike", "Strike what I marked"))
