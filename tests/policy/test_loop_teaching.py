@@ -224,7 +224,9 @@ def test_a_correction_is_read_beside_all_programs_of_the_attempt(sandbox, book):
     assert beside in section(bench.llm.prompts("feedback")[0], "Code that was run")
     corrected = section(bench.llm.prompts("code")[2], "Just corrected")
     assert corrected.index(beside) < corrected.index("Before it, in the same attempt") < corrected.index(jammed)
-    assert Prompt.read([Message("user", bench.llm.prompts("code")[2])]).corrected()[0].code.strip() == beside
+    assert (
+        Prompt.read([Message("user", f"# Code\n{bench.llm.prompts('code')[2]}")]).corrected()[0].code.strip() == beside
+    )
 
 
 def test_notes_of_one_remark_do_not_compete(sandbox, book):
