@@ -175,7 +175,8 @@ def verify(
                     f"{task['name']}: to the simulated teacher {line} where the success check says done "
                     f"({len(where)} of {task['reference']} seeds, first {where[0]})"
                 )
-        if not any(task["goal_unseen"] or task["goal_unmet"] for task in report):
+        faults = ("goal_unseen", "goal_unmet", "goal_at_start", "not_carried_out")
+        if not any(task[fault] for task in report for fault in faults):
             done = all(task["reference"] for task in report)
             note("goals: the simulated teacher understands each sentence" + done * " and sees it fulfilled at the end")
     if not all(verification.holds(task) for task in report):

@@ -41,7 +41,7 @@ def unmet_goal(episode: TaskEpisode) -> list[str]:
         if not so:
             found.append(f"{sentence!r} " + ("cannot be judged" if so is None else "is not fulfilled"))
         elif condition is not None and (reported := _reported_elsewhere(condition, seen)):
-            found.append(f"{sentence!r} is fulfilled, and the scene says {reported!r}: name that, for planners, in the goal")
+            found.append(f"{sentence!r} is fulfilled, but planners read {reported!r}")
     return found
 
 
@@ -56,7 +56,7 @@ def _reported_elsewhere(condition: Condition, seen: Seen) -> str:
     if condition.form not in ("in", "on"):
         return ""
     things = {id for name in condition.subjects for id in seen.ids(name)}
-    places = {id for id in seen.ids(condition.place)} | {condition.place}
+    places = {"table"} if condition.place == "table" else set(seen.ids(condition.place))
     places |= {node.id for node in seen.after.nodes if node.part_of in places}
     told = zip(seen.after.relations, seen.after.sentences(), strict=True)
     about = [(r, said) for r, said in told if r.subject in things and r.predicate in ("in", "on")]

@@ -31,6 +31,7 @@ Make = Callable[[], Sequence[Task]]
 RULES: Rules[Callable[[Make], None]] = Rules()
 rule = RULES.rule
 SEEDS = (0, 1, 2)
+FOLLOWS = {"scenes_are_in_metres": ("scenes_can_be_built",)}  # rules that would repeat what others found
 
 
 def check_suite(make: Make) -> None:
