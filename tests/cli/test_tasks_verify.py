@@ -165,8 +165,27 @@ def test_nineteen_of_twenty_hold_and_eighteen_do_not():
 def test_what_moves_before_the_robot_does_is_told_with_the_most_and_its_seed():
     fell = [{}, {"unsettled": {"ring": 0.014}}, {"unsettled": {"ring": 0.003, "cup": 0.004}}]
     report = report_of("lift", [RESULT | {"seed": seed} | one for seed, one in enumerate(fell)])
-    assert report["unsettled"] == {"ring": {"m": 0.014, "seed": 1}, "cup": {"m": 0.004, "seed": 2}}
+    assert report["unsettled"] == {
+        "ring": {"m": 0.014, "seed": 1, "touches": []},
+        "cup": {"m": 0.004, "seed": 2, "touches": []},
+    }
     assert holds(report)
+
+
+def test_what_an_unsettled_thing_touches_is_told_with_it():
+    report = report_of("lift", [RESULT | {"unsettled": {"ring": 0.014}, "touching": {"ring": ["cup"]}}])
+    assert report["unsettled"]["ring"]["touches"] == ["cup"]
+
+
+@pytest.mark.parametrize("fault", [{"goal_unseen": ["'the ring is onn it'"]}, {"goal_at_start": True}])
+def test_a_goal_that_no_simulated_teacher_can_judge_does_not_hold(fault):
+    assert holds(report_of("lift", [RESULT])) and not holds(report_of("lift", [RESULT | fault]))
+
+
+def test_a_finished_task_is_a_line_where_no_progress_is_shown(monkeypatch, capsys):
+    monkeypatch.setattr("memo_core.cli.verification.run_trial", lambda trial: RESULT | {"seed": trial.seed})
+    run_trials([TRIAL, VerifiedTrial(None, (), "lift", 4)], 1, TrialLog(None, same))
+    assert capsys.readouterr().err == "memo: lift is tried, 2 of 2 trials\n"
 
 
 @pytest.mark.sim
