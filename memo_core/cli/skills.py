@@ -53,7 +53,14 @@ def _row(one: FunctionRecord) -> tuple[Any, ...]:
     function, entry = one.learnt.function, one.learnt.entry
     stands_for = ", ".join(str(call.key) for call in one.learnt.calls)
     used = f"{entry.confirmed_uses}/{entry.uses}"
-    return (function.signature, _first_sentence(function.docstring), stands_for, one.tested, ", ".join(one.people), used)
+    return (
+        function.signature,
+        _first_sentence(function.docstring),
+        stands_for,
+        one.tested,
+        ", ".join(one.people),
+        used,
+    )
 
 
 def _as_json(one: FunctionRecord) -> dict[str, Any]:

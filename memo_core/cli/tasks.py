@@ -118,10 +118,10 @@ def verify(
     """Run each task's reference solution, and nothing at all, and let the success check judge both.
 
     Exit code 1 when a reference solution succeeds on fewer than 19 of 20 seeds, or anything else on any, when the
-    simulated teacher cannot judge a sentence of the goal or sees all fulfilled at the start, or when robot, simulator or
-    the task's code fails: such a trial counts for nothing. "x real time" is how many seconds are simulated in a second
-    of one core's time, planning included. Named besides: sentences of a goal that the simulated teacher does not see
-    fulfilled in a success, and things that move before the robot does or start inside the table.
+    simulated teacher cannot judge a sentence of the goal, or when robot, simulator or the task's code fails: such a
+    trial counts for nothing. "x real time" is how many seconds are simulated in a second of one core's time, planning
+    included. Named besides: a goal that the simulated teacher sees fulfilled at the start, sentences that it does not
+    see fulfilled in a success, and things that move before the robot does or start inside the table.
     """
     from memo_core.cli import verification
     from memo_core.runs.factories import tasks_of

@@ -297,8 +297,7 @@ def _farthest(results: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
 
 def holds(report: dict[str, Any]) -> bool:
     """Whether a task is verified: every trial carried out, its reference solution succeeds on 19 of 20 seeds, doing
-    nothing and the plain attempt on none, and no simulated teacher would misread its goal: it says of each sentence
-    whether it is fulfilled, and finds the whole unfulfilled at the start."""
-    if report["not_carried_out"] or report["goal_unseen"] or report["goal_at_start"]:
+    nothing and the plain attempt on none, and the simulated teacher can judge each sentence of its goal."""
+    if report["not_carried_out"] or report["goal_unseen"]:
         return False
     return report["reference"] >= SHARE_REQUIRED * report["seeds"] and not report["null"] and not report["plain"]

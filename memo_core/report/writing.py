@@ -27,7 +27,7 @@ from memo_core.text.parsing import resolved
 
 @attrs.frozen(eq=False)
 class Written:
-    """What was written; ``missing`` says what the report lacks, and why."""
+    """The files that were written; ``missing`` says what the report lacks, and why."""
 
     page: Path
     files: tuple[Path, ...]

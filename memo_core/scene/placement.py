@@ -1,4 +1,4 @@
-"""Where the bodies of a scene description start, without a simulator: what stands in the table."""
+"""Checks of where the bodies of a scene description start; they need no simulator."""
 
 from __future__ import annotations
 

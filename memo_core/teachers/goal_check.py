@@ -32,8 +32,8 @@ def unseen_goal(goal: Sequence[str], scene: SceneDescription) -> list[str]:
 
 
 def unmet_goal(episode: TaskEpisode) -> list[str]:
-    """Sentences of its goal that the simulated teacher does not see fulfilled at the end of an episode, or that planners,
-    who go by the scene's relations, do not, a line each. Those that it cannot read are left out (``unseen_goal``)."""
+    """Sentences of its goal that the simulated teacher, or a planner by the scene's relations, does not see fulfilled
+    at the end of an episode, a line each. Those that it cannot read are left out (``unseen_goal``)."""
     seen, found = Seen(episode.before, episode.after, episode.sightings), []
     for sentence in episode.goal:
         condition = read_goal(sentence)

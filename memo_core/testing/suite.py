@@ -64,7 +64,7 @@ def tasks_have_names_and_instructions(make: Make) -> None:
 
 @rule
 def scenes_can_be_built(make: Make) -> None:
-    """Names are unique, sizes fit their shapes, joints have ranges, and mechanisms name joints and bodies that exist."""
+    """Names are unique, sizes fit shapes, joints have ranges, and mechanisms name joints and bodies that exist."""
     for task in make():
         scene = _scene(task, 0)
         try:

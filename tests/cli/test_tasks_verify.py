@@ -177,9 +177,14 @@ def test_what_an_unsettled_thing_touches_is_told_with_it():
     assert report["unsettled"]["ring"]["touches"] == ["cup"]
 
 
-@pytest.mark.parametrize("fault", [{"goal_unseen": ["'the ring is onn it'"]}, {"goal_at_start": True}])
-def test_a_goal_that_no_simulated_teacher_can_judge_does_not_hold(fault):
-    assert holds(report_of("lift", [RESULT])) and not holds(report_of("lift", [RESULT | fault]))
+def test_a_goal_that_the_simulated_teacher_cannot_judge_does_not_hold():
+    unseen = RESULT | {"goal_unseen": ["'the ring is onn it' has none of the forms"]}
+    assert holds(report_of("lift", [RESULT])) and not holds(report_of("lift", [unseen]))
+
+
+def test_a_goal_that_is_fulfilled_at_the_start_is_counted_and_may_be_of_what_no_camera_sees():
+    report = report_of("lift", [RESULT, RESULT | {"seed": 4, "goal_at_start": True}])
+    assert report["goal_at_start"] == 1 and holds(report)
 
 
 def test_a_finished_task_is_a_line_where_no_progress_is_shown(monkeypatch, capsys):

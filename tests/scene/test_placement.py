@@ -1,4 +1,4 @@
-"""Where the bodies of a scene start."""
+"""Bodies that start inside the table are named, and no others."""
 
 from __future__ import annotations
 
