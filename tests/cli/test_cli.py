@@ -309,6 +309,12 @@ def test_exec_prints_the_verdict_of_the_success_check_beside_the_output_of_the_c
     assert capsys.readouterr().err.startswith(f"memo: {task}, seed 1: done (")
 
 
+def test_what_a_skill_does_is_said_in_a_whole_sentence(capsys):
+    assert run("skills", "list") == 0
+    lines = [line.rstrip() for line in capsys.readouterr().out.splitlines() if "(" in line and " -> " in line]
+    assert len(lines) > 20 and all(line.endswith(".") for line in lines)
+
+
 @pytest.mark.process
 def test_a_demo_that_could_not_take_place_is_no_success(monkeypatch, tmp_path, capsys):
     from memo_core.environment.simulated import SimulatedEnvironment
