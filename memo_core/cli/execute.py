@@ -47,13 +47,13 @@ def command(
     """Run a file of robot code in a task's scene, in the sandbox.
 
     Exit code 0 only when the code ran to its end, whatever the task's success check says. The code's output goes to
-    stdout; the verdict of the success check, a refusal or an error to stderr.
+    stdout; the verdict of the success check, the scene's joints and locks, a refusal or an error to stderr.
     """
     code = _read(file)
     _, experiment = load(config, overrides, task, seed)
     if experiment.task is None:
         raise InvalidArgument("--task", "which scene?", "the name of a task (memo tasks list)")
-    from memo_core.environment.task_verification import run_code
+    from memo_core.environment.task_verification import hidden_now, mechanics, run_code
     from memo_core.runs.factories import environment_of, sandbox_of, task_of
     from memo_core.sandbox.execution import refused
 
@@ -65,28 +65,35 @@ def command(
             raise CodeEnded(str(file), refused(findings).error)
         with environment_of(experiment, chosen, experiment.seed) as world, stopping(world.link):
             execution = run_code(world, code, sandbox, on_print=None if json else _print_now)
-            outcome = world.check()
+            outcome, moved = world.check(), mechanics(world)
+            error = execution.error + hidden_now(execution.error, world)
     if json:
         print_json(
             {
                 "task": chosen.name,
                 "seed": experiment.seed,
                 "ended": execution.ended,
-                "error": execution.error or None,
+                "error": error or None,
                 "kind": execution.kind or None,
                 "line": execution.line,
                 "printed": execution.printed,
                 "calls": len(execution.calls),
                 "success": outcome.success,
                 "reason": outcome.reason,
+                **moved,
             }
         )
     else:
         verdict = "done" if outcome.success else "not done"
         note(f"memo: {chosen.name}, seed {experiment.seed}: {verdict} ({outcome.reason})")
+        joints = [f"{name} {at:.4f}" for name, at in moved["joints"].items()]
+        locks = [f"{name} {'engaged' if engaged else 'released'}" for name, engaged in moved["locks"].items()]
+        for kind, told in (("joints (rad, m)", joints), ("locks", locks)):
+            if told:
+                note(f"memo: {kind}: {', '.join(told)}")
     if not execution.succeeded:
         stopped = execution.ended == "stopped"
-        raise CodeEnded(str(file), execution.error or execution.ended, INTERRUPTED if stopped else 1)
+        raise CodeEnded(str(file), error or execution.ended, INTERRUPTED if stopped else 1)
 
 
 def _read(file: Path) -> str:

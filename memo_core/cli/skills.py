@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -26,7 +27,7 @@ def list_skills(book: Book = None, config: ConfigFile = None, overrides: Overrid
     from memo_core.skillbook.functions import functions_of, record_of
 
     _, experiment = load(config, overrides)
-    robot = [(skill.name, skill.signature, skill.doc.splitlines()[0]) for skill in library_of(experiment).values()]
+    robot = [(skill.name, skill.signature, _first_sentence(skill.doc)) for skill in library_of(experiment).values()]
     opened = book_of(experiment, book, read_only=True)
     learnt = []
     if opened.is_there or book is not None:
@@ -44,11 +45,22 @@ def list_skills(book: Book = None, config: ConfigFile = None, overrides: Overrid
     )
 
 
+def _first_sentence(text: str) -> str:
+    return re.split(r"(?<=[\w)]{2}\.) ", " ".join(text.split()), maxsplit=1)[0]
+
+
 def _row(one: FunctionRecord) -> tuple[Any, ...]:
     function, entry = one.learnt.function, one.learnt.entry
     stands_for = ", ".join(str(call.key) for call in one.learnt.calls)
     used = f"{entry.confirmed_uses}/{entry.uses}"
-    return (function.signature, function.docstring.splitlines()[0], stands_for, one.tested, ", ".join(one.people), used)
+    return (
+        function.signature,
+        _first_sentence(function.docstring),
+        stands_for,
+        one.tested,
+        ", ".join(one.people),
+        used,
+    )
 
 
 def _as_json(one: FunctionRecord) -> dict[str, Any]:

@@ -117,10 +117,11 @@ def verify(
 ) -> None:
     """Run each task's reference solution, and nothing at all, and let the success check judge both.
 
-    Exit code 1 when a reference solution succeeds on fewer than 19 of 20 seeds, or anything else on any, or when
-    robot, simulator or the task's code fails: such a trial counts for nothing. "x real time" is how many seconds are
-    simulated in a second of one core's time, planning included. Named besides: sentences of a goal that the simulated
-    teacher cannot judge or does not see fulfilled in a success, and things that move before the robot does.
+    Exit code 1 when a reference solution succeeds on fewer than 19 of 20 seeds, or anything else on any, when the
+    simulated teacher cannot judge a sentence of the goal, or when robot, simulator or the task's code fails: such a
+    trial counts for nothing. "x real time" is how many seconds are simulated in a second of one core's time, planning
+    included. Named besides: a goal that the simulated teacher sees fulfilled at the start, sentences that it does not
+    see fulfilled in a success, and things that move before the robot does or start inside the table.
     """
     from memo_core.cli import verification
     from memo_core.runs.factories import tasks_of
@@ -157,11 +158,16 @@ def verify(
             for failure in task["failures"]:
                 note(f"{task['name']}, seed {failure['seed']}: {failure['what']}: {failure['why']}")
         for task in report:
+            for line in task["sunk"]:
+                note(f"{task['name']}: {line}")
             for body, most in task["unsettled"].items():
+                touches = f" (it touches {', '.join(map(repr, most['touches']))})" if most["touches"] else ""
                 note(
                     f"{task['name']}, seed {most['seed']}: {body!r} moves by {1000 * most['m']:.1f} mm at the start, "
-                    "before the robot does: put it where it can stay"
+                    f"before the robot does{touches}: put it where it can stay"
                 )
+            if task["goal_at_start"]:
+                note(f"{task['name']}: to the simulated teacher the whole goal is fulfilled at the start already")
             for line in task["goal_unseen"]:
                 note(f"{task['name']}: the simulated teacher does not judge its goal: {line}")
             for line, where in task["goal_unmet"].items():
@@ -169,8 +175,9 @@ def verify(
                     f"{task['name']}: to the simulated teacher {line} where the success check says done "
                     f"({len(where)} of {task['reference']} seeds, first {where[0]})"
                 )
-        if not any(task["goal_unseen"] or task["goal_unmet"] for task in report):
-            done = any(task["reference"] for task in report)
+        faults = ("goal_unseen", "goal_unmet", "goal_at_start", "not_carried_out")
+        if not any(task[fault] for task in report for fault in faults):
+            done = all(task["reference"] for task in report)
             note("goals: the simulated teacher understands each sentence" + done * " and sees it fulfilled at the end")
     if not all(verification.holds(task) for task in report):
         raise typer.Exit(1)

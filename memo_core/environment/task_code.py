@@ -25,7 +25,10 @@ NOT_THE_AUTHORS = (Stopped, RobotFault, BackendUnavailable, BackendLost, TaskCod
 
 def scene_of(task: Task, rng: np.random.Generator) -> SceneDescription:
     """The task's scene. Raises ``TaskCodeError`` if its ``scene`` raises, returns something else, or gives two bodies
-    one name."""
+    one name, and where a tuple of sentences lacks its comma."""
+    for field, several in (("goal", "sentences"), ("needed_at", "subtasks")):
+        if isinstance(getattr(task, field), str):
+            raise TaskCodeError(task.name, field, f'is a str; expected a tuple of {several}; of one it is ("…",)')
     with task_code(task, "scene()"):
         scene = task.scene(rng)
     _expect(scene, SceneDescription, task, "scene()")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
 
 import attrs
 
@@ -14,7 +15,7 @@ from memo_core.interfaces.teacher import TaskEpisode
 from memo_core.sandbox.execution import Execution
 from memo_core.sandbox.sandbox import Sandbox
 from memo_core.sandbox.workspace import Workspace
-from memo_core.scene.description import Free
+from memo_core.scene.description import Free, Hinge, Slide
 
 UNSETTLED_M = 0.002  # a thing that moves farther than this before the robot does was not put where it can stay
 
@@ -34,6 +35,7 @@ class Verified:
     plain: Outcome | None = None  # of the plain attempt; None if it was not run
     watched: TaskEpisode | None = None  # what a person beside the robot saw of the reference solution
     unsettled: Mapping[str, float] = attrs.field(factory=dict)  # body -> m that it moved before the robot did
+    touching: Mapping[str, list[str]] = attrs.field(factory=dict)  # unsettled body -> what it touched at the start
 
 
 def run_code(
@@ -126,14 +128,16 @@ def verify_task(
             moved = {name: math.dist(at, placed[name]) for name, at in _free_bodies(world).items()}
             unsettled = {name: metres for name, metres in moved.items() if metres > UNSETTLED_M}
             world.restore(start)
+            touching = {name: _touched_by(world, name) for name in unsettled}
             if not world.task.reference_solution:
                 why = f": {world.task.unsolved}" if world.task.unsolved else ""
                 none = Outcome(False, f"the task has no reference solution{why}")
-                yield Verified(world.task.name, seed, none, null, unsettled=unsettled)
+                yield Verified(world.task.name, seed, none, null, unsettled=unsettled, touching=touching)
                 continue
             begun, cpu = world.time(), time.process_time()
             world.start_watching()
             error = run_code(world, world.task.reference_solution, sandbox).error
+            error += hidden_now(error, world)
             sightings = world.stop_watching()
             cpu_s, sim_s = time.process_time() - cpu, world.time() - begun
             reference, tried = world.check(), None
@@ -144,9 +148,30 @@ def verify_task(
                 run_code(world, world.task.plain_attempt, sandbox)
                 tried = world.check()
             wall_s = time.monotonic() - started
+            measured = (wall_s, sim_s, cpu_s)
             yield Verified(
-                world.task.name, seed, reference, null, error, wall_s, sim_s, cpu_s, tried, watched, unsettled
+                world.task.name, seed, reference, null, error, *measured, tried, watched, unsettled, touching
             )
+
+
+def hidden_now(error: str, world: SimulatedEnvironment) -> str:
+    """Why a name that robot code used is unknown, for its author: the inside of something that is closed. Nothing that
+    a model is shown, since no camera sees it."""
+    insides = [cavity for body, _ in world.description.walk() for cavity in body.cavities if cavity.door]
+    found = next((one for one in insides if f"unknown object {one.label!r}" in error), None)
+    return f"; {found.label!r} is seen only while the joint {found.door!r} is open" if found else ""
+
+
+def mechanics(world: SimulatedEnvironment) -> dict[str, dict[str, Any]]:
+    """Positions of the scene's hinges (rad) and slides (m), and which of its locks are engaged, by name."""
+    joints = [body.joint for body, _ in world.description.walk() if isinstance(body.joint, (Hinge, Slide))]
+    engaged = getattr(getattr(world.simulator, "mechanisms", None), "engaged", {})
+    return {"joints": {one.name: world.simulator.joint_position(one.name) for one in joints}, "locks": dict(engaged)}
+
+
+def _touched_by(world: SimulatedEnvironment, body: str) -> list[str]:
+    names = {name for contact in world.simulator.contacts(body) for name in (contact.first, contact.second)}
+    return sorted(names - {body})
 
 
 def _free_bodies(world: SimulatedEnvironment) -> dict[str, tuple[float, float, float]]:

@@ -28,7 +28,8 @@ def make_lesson_book(experiment: Experiment, file: Path) -> None:
     Raises ``InvalidArgument`` for a suite without lessons, ``MemoError``."""
     taught = [task for task in tasks_of(experiment) if task.split == "training" and task.lesson and task.needed_at]
     if not taught:
-        problem = f"no training task of the suite {experiment.choice('suite').backend.name!r} has a lesson"
+        suite = experiment.choice("suite").backend.name
+        problem = f"no training task of the suite {suite!r} has a `lesson` and the subtask that needs it, `needed_at`"
         raise InvalidArgument("evaluation.books", problem, "a book's file, or `empty`")
     file.parent.mkdir(parents=True, exist_ok=True)
     for left in file.parent.glob(file.name + "*"):

@@ -15,7 +15,7 @@ from typing import Any
 
 import attrs
 
-from memo_core.errors import MemoError, UnknownName
+from memo_core.errors import MemoError, UnknownName, close_match
 from memo_core.events import Event, Problem
 from memo_core.interfaces.backend import KINDS, Backend, Needs
 from memo_core.plugins import hooks
@@ -41,6 +41,8 @@ class UnknownBackend(UnknownName):
             known = ", ".join(sorted(self.available)) or "none"
             commands = " or ".join(one.command for one in self.absent)
             said = f"{self.kind} {self.name!r} is not installed ({commands}; installed: {known})"
+        elif not close_match(self.name, self.available):
+            said += "; a plugin of yours is installed by pip install --editable FOLDER"
         for plugin in self.broken:
             said += f"; plugin {plugin.name!r} of {plugin.distribution} is broken: {plugin.error}"
         return said

@@ -27,7 +27,7 @@ from memo_core.text.parsing import resolved
 
 @attrs.frozen(eq=False)
 class Written:
-    """What was written; ``missing`` says what could not be drawn, and why."""
+    """The files that were written; ``missing`` says what the report lacks, and why."""
 
     page: Path
     files: tuple[Path, ...]
@@ -43,6 +43,8 @@ def write_experiment_report(registry: Registry, folder: Path) -> Written:
     """``DIR/report``: index.html, tables.md, and a file a table and figure. Raises ``InvalidArgument``."""
     findings, out = gather(registry, folder), folder / "report"
     figures, missing = _figures(findings, out)
+    if not (findings.rows or findings.errors or findings.journals):
+        missing = f"{folder} holds no trial and no taught run yet, so the report is empty"
     films = read_films(folder)
     tables, paper = [_with_origin(table, findings) for table in all_tables(findings)], paper_tables(findings)
     made = {table.name for table in (*tables, *paper)} | {figure.name for figure in figures}

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 
-from memo_core.errors import InvalidArgument, close_match
+from memo_core.errors import InvalidArgument
 from memo_core.scene.description import Body, Geom, Hinge, SceneDescription, Slide
 from memo_core.scene.pose import Pose
 
@@ -94,8 +94,7 @@ def check_size(geom: Geom, where: str) -> None:
         InvalidArgument: if the shape is unknown, or the size is not the right count of positive numbers.
     """
     if geom.shape not in _SIZES:
-        known = ", ".join(_SIZES)
-        raise InvalidArgument(where, f"unknown shape {geom.shape!r}{close_match(geom.shape, _SIZES)}", known)
+        raise InvalidArgument(where, f"unknown shape {geom.shape!r}", ", ".join(_SIZES))
     if len(geom.size) != _SIZES[geom.shape] or min(geom.size) <= 0:
         raise InvalidArgument(where, f"a {geom.shape} of size {geom.size}", f"{_SIZES[geom.shape]} positive numbers")
 

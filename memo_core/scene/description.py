@@ -7,15 +7,23 @@ by their *full* extents. Models and teachers never see it; they see the scene gr
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Literal
+from typing import Any, Literal
 
 import attrs
 
+from memo_core.errors import InvalidArgument
 from memo_core.scene.mechanisms import Mechanism
 from memo_core.scene.pose import Pose
 
 Vector = tuple[float, float, float]
 Colour = tuple[float, float, float, float]
+
+
+def _is_tuple(owner: Any, attribute: attrs.Attribute[Any], value: Any) -> None:
+    """Refuse ``(x)`` where ``(x,)`` is meant, while the author's line is in the traceback."""
+    if not isinstance(value, (tuple, list)):
+        where = f"{type(owner).__name__}.{attribute.name}"
+        raise InvalidArgument(where, f"is a {type(value).__name__}", "a tuple; of one thing it has a comma: (x,)")
 
 
 @attrs.frozen
@@ -42,7 +50,7 @@ class Geom:
     """
 
     shape: Literal["box", "cylinder", "sphere", "capsule", "mesh"]
-    size: tuple[float, ...]
+    size: tuple[float, ...] = attrs.field(validator=_is_tuple)
     pose: Pose = Pose()
     colour: Colour = (0.7, 0.7, 0.7, 1.0)
     mass: float | None = None  # kg; None: the body's mass is shared by volume
@@ -143,14 +151,14 @@ class Body:
     """
 
     name: str
-    geoms: tuple[Geom, ...]
+    geoms: tuple[Geom, ...] = attrs.field(validator=_is_tuple)
     pose: Pose = Pose()
     joint: Joint | None = None
     mass: float | None = None  # kg, without children; None: from the geoms' masses or density 500 kg/m3
     label: str = ""
-    parts: tuple[Part, ...] = ()
-    cavities: tuple[Cavity, ...] = ()
-    bodies: tuple[Body, ...] = ()
+    parts: tuple[Part, ...] = attrs.field(default=(), validator=_is_tuple)
+    cavities: tuple[Cavity, ...] = attrs.field(default=(), validator=_is_tuple)
+    bodies: tuple[Body, ...] = attrs.field(default=(), validator=_is_tuple)
     fixture: bool = False  # furniture: seen, but not something one picks up
     heap: str = ""
     made_of: str = ""  # what it is seen to be made of, without its parts: "wood", "glass"; "": nothing one would say
@@ -180,10 +188,12 @@ class SceneDescription:
     that are rigidly attached to either); the joint's range limits their motion.
     """
 
-    bodies: tuple[Body, ...]
-    cameras: tuple[Camera, ...] = ()
-    latches: tuple[Latch, ...] = ()
-    mechanisms: tuple[Mechanism, ...] = ()  # locks and springs that conditions set and release
+    bodies: tuple[Body, ...] = attrs.field(validator=_is_tuple)
+    cameras: tuple[Camera, ...] = attrs.field(default=(), validator=_is_tuple)
+    latches: tuple[Latch, ...] = attrs.field(default=(), validator=_is_tuple)
+    mechanisms: tuple[Mechanism, ...] = attrs.field(
+        default=(), validator=_is_tuple
+    )  # locks and springs that conditions set and release
     table_height: float = 0.0
     label: str = "table"  # how a person would name the scene; entries carry it
     gravity: float = 9.81  # m/s2

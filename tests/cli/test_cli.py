@@ -301,12 +301,18 @@ def test_exec_prints_the_verdict_of_the_success_check_beside_the_output_of_the_c
     code.write_text("print('hello')\n")
     assert run("exec", str(code), "--task", task) == 0
     told = capsys.readouterr()
-    assert (
-        told.out == "hello\n" and told.err.startswith(f"memo: {task}, seed 0: not done (") and told.err.count("\n") == 1
-    )
+    verdict, joints = told.err.splitlines()
+    assert told.out == "hello\n" and verdict.startswith(f"memo: {task}, seed 0: not done (")
+    assert joints.startswith("memo: joints (rad, m): ") and "slide 0.0" in joints
     code.write_text(task_of(load(None, None, task)[1], task).reference_solution)
     assert run("exec", str(code), "--task", task, "--seed", "1") == 0
     assert capsys.readouterr().err.startswith(f"memo: {task}, seed 1: done (")
+
+
+def test_what_a_skill_does_is_said_in_a_whole_sentence(capsys):
+    assert run("skills", "list") == 0
+    lines = [line.rstrip() for line in capsys.readouterr().out.splitlines() if "(" in line and " -> " in line]
+    assert len(lines) > 20 and all(line.endswith(".") for line in lines)
 
 
 @pytest.mark.process

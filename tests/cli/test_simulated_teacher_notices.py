@@ -42,7 +42,7 @@ def test_verifying_says_whether_the_goal_can_be_seen_and_what_fell(monkeypatch, 
     fell = {"milk": 0.014}
     verified = Verified("open-the-fridge", 0, Outcome(True, "open"), Outcome(False, "shut"), unsettled=fell)
     monkeypatch.setattr("memo_core.environment.task_verification.verify_task", lambda *given: [verified])
-    with pytest.raises(SystemExit, match="0"):
+    with pytest.raises(SystemExit, match="1"):
         main(["tasks", "verify", "open-the-fridge", "--seeds", "0"])
     said = capsys.readouterr().err
     assert "open-the-fridge, seed 0: 'milk' moves by 14.0 mm at the start, before the robot does" in said

@@ -165,8 +165,32 @@ def test_nineteen_of_twenty_hold_and_eighteen_do_not():
 def test_what_moves_before_the_robot_does_is_told_with_the_most_and_its_seed():
     fell = [{}, {"unsettled": {"ring": 0.014}}, {"unsettled": {"ring": 0.003, "cup": 0.004}}]
     report = report_of("lift", [RESULT | {"seed": seed} | one for seed, one in enumerate(fell)])
-    assert report["unsettled"] == {"ring": {"m": 0.014, "seed": 1}, "cup": {"m": 0.004, "seed": 2}}
+    assert report["unsettled"] == {
+        "ring": {"m": 0.014, "seed": 1, "touches": []},
+        "cup": {"m": 0.004, "seed": 2, "touches": []},
+    }
     assert holds(report)
+
+
+def test_what_an_unsettled_thing_touches_is_told_with_it():
+    report = report_of("lift", [RESULT | {"unsettled": {"ring": 0.014}, "touching": {"ring": ["cup"]}}])
+    assert report["unsettled"]["ring"]["touches"] == ["cup"]
+
+
+def test_a_goal_that_the_simulated_teacher_cannot_judge_does_not_hold():
+    unseen = RESULT | {"goal_unseen": ["'the ring is onn it' has none of the forms"]}
+    assert holds(report_of("lift", [RESULT])) and not holds(report_of("lift", [unseen]))
+
+
+def test_a_goal_that_is_fulfilled_at_the_start_is_counted_and_may_be_of_what_no_camera_sees():
+    report = report_of("lift", [RESULT, RESULT | {"seed": 4, "goal_at_start": True}])
+    assert report["goal_at_start"] == 1 and holds(report)
+
+
+def test_a_finished_task_is_a_line_where_no_progress_is_shown(monkeypatch, capsys):
+    monkeypatch.setattr("memo_core.cli.verification.run_trial", lambda trial: RESULT | {"seed": trial.seed})
+    run_trials([TRIAL, VerifiedTrial(None, (), "lift", 4)], 1, TrialLog(None, same))
+    assert capsys.readouterr().err == "memo: lift is tried, 2 of 2 trials\n"
 
 
 @pytest.mark.sim

@@ -5,9 +5,11 @@ from __future__ import annotations
 
 import inspect
 
+import numpy as np
 import pytest
 
 from memo_core.config import load_experiment
+from memo_core.environment.task_code import scene_of
 from memo_core.environment.task_verification import run_code
 from memo_core.errors import TaskCodeError
 from memo_core.evaluation.lesions import VariedTask
@@ -59,6 +61,20 @@ class Doubled(Lift):
     def scene(self, rng):
         [body] = super().scene(rng).bodies
         return SceneDescription((body, body))
+
+
+class Commaless(Lift):
+    def scene(self, rng):
+        return SceneDescription((Body("red_cube", (CUBE), label="cube"),))
+
+
+class Sizeless(Lift):
+    def scene(self, rng):
+        return SceneDescription((Body("ball", (Geom("sphere", (0.02)),)),))
+
+
+class Spelt(Lift):
+    goal = "the hand holds the cube up"
 
 
 class Watching(Monitor):
@@ -121,6 +137,22 @@ def test_a_scene_that_raises_is_told_with_its_line(experiment):
         environment_of(experiment, Sceneless(), 0).open()
     assert "task 'lift': scene() raised AttributeError" in str(raised.value)
     assert line(Sceneless.scene, "self.table") in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("task", "said"),
+    [
+        (Commaless, "Body.geoms: is a Geom; expected a tuple; of one thing it has a comma: (x,) at "),
+        (Sizeless, "Geom.size: is a float; expected a tuple; of one thing it has a comma: (x,) at "),
+        (Spelt, "task 'lift': goal is a str; expected a tuple of sentences"),
+    ],
+)
+def test_a_tuple_without_its_comma_is_told(task, said):
+    with pytest.raises(TaskCodeError) as raised:
+        scene_of(task(), np.random.default_rng(0))
+    assert said in str(raised.value)
+    if task is Commaless:
+        assert line(Commaless.scene, "(CUBE)") in str(raised.value)
 
 
 @pytest.mark.sim

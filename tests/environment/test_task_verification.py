@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from memo_core.config import load_experiment
-from memo_core.environment.task_verification import verify_task
+from memo_core.environment.task_verification import hidden_now, mechanics, run_code, verify_task
 from memo_core.interfaces.task import Outcome, Task
 from memo_core.plugins.registry import Registry
-from memo_core.runs.factories import environment_of, sandbox_of
+from memo_core.runs.factories import environment_of, sandbox_of, task_of
 from memo_core.runs.sections import SECTIONS
 from memo_core.scene.description import Body, Free, Geom, SceneDescription
 from memo_core.scene.hollow import cup
@@ -88,3 +88,40 @@ def test_what_falls_before_the_robot_moves_is_told_with_how_far(experiment, heig
     task = Dropped(height)
     [found] = verify_task(lambda seed: environment_of(experiment, task, seed), lambda: sandbox_of(experiment), [0])
     assert found.unsettled == moved
+
+
+class Overlapping(Dropped):
+    """Two blocks of which one stands 1 cm deep in the other."""
+
+    def scene(self, rng) -> SceneDescription:
+        block = Geom("box", (0.04, 0.04, 0.04), mass=0.1)
+        places = {"block": -0.10, "cup": -0.07}
+        return SceneDescription(
+            tuple(Body(name, (block,), Pose((0.5, y, 0.02)), Free(), label=name) for name, y in places.items())
+        )
+
+
+@pytest.mark.sim
+def test_what_was_put_into_something_else_is_told_with_what_it_touches(experiment):
+    task = Overlapping(0.0)
+    [found] = verify_task(lambda seed: environment_of(experiment, task, seed), lambda: sandbox_of(experiment), [0])
+    assert found.touching == {"block": ["cup", "table"], "cup": ["block", "table"]}
+
+
+@pytest.mark.sim
+def test_the_inside_of_a_closed_thing_is_told_to_the_author_of_robot_code(experiment):
+    task = task_of(experiment, "put-the-cube-away")
+    with environment_of(experiment, task, 0) as world, sandbox_of(experiment) as sandbox:
+        [inside] = [one for body, _ in world.description.walk() for one in body.cavities][:1]
+        error = run_code(world, f"get_position({inside.label!r})", sandbox).error
+        assert hidden_now(error, world) == f"; {inside.label!r} is seen only while the joint {inside.door!r} is open"
+        assert hidden_now("unknown object 'moon'", world) == ""
+        told = mechanics(world)
+    assert told["joints"][inside.door] == pytest.approx(0.0, abs=1e-3) and told["locks"] == {}
+
+
+@pytest.mark.sim
+def test_the_locks_of_a_scene_are_told(experiment):
+    quirks = load_experiment(Registry(), None, ("suite.backend=quirks",), SECTIONS)
+    with environment_of(quirks, task_of(quirks, "open-the-safe"), 0) as world:
+        assert set(mechanics(world)["locks"].values()) == {True}

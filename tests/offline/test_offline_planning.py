@@ -86,6 +86,15 @@ def test_putting_away_ends_with_a_closed_container(task):
     assert plan(tray_scene(False, peg=False), task, done) == "DONE"
 
 
+def test_what_was_put_into_something_that_is_shut_now_stays_there():
+    task, done = "put the peg in the tray and close the tray", ["OPEN(tray)", "PICK_UP(peg)", "PLACE(peg, tray)"]
+    assert plan(tray_scene(True, ("peg", "in", "tray")), task, done) == "CLOSE(tray)"
+    shut = tray_scene(False, peg=False)
+    assert plan(shut, task, [*done, "CLOSE(tray)"]) == "DONE"
+    assert plan(shut, task) == "OPEN(tray)"
+    assert plan(shut, task, [*done, "PICK_UP(peg)", "PLACE(peg, table)"]) == "OPEN(tray)"
+
+
 def test_what_cannot_be_seen_is_looked_for_in_closed_things():
     first, *_ = box_with_door("pantry")
     second, *_ = box_with_door("locker")

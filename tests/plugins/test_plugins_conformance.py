@@ -248,6 +248,14 @@ class Giant(Lift):
         return SceneDescription((body,))
 
 
+class Inverted(Lift):
+    """A length below zero."""
+
+    def scene(self, rng):
+        body = attrs.evolve(super().scene(rng).bodies[0], geoms=(Geom("box", (0.04, -0.04, 0.04)),))
+        return SceneDescription((body,))
+
+
 class Shared(Lift):
     watching = (Height(),)
 
@@ -276,6 +284,7 @@ class Contradictory(Lift):
 
 WRONG_SUITES = {
     "tasks_have_names_and_instructions": lambda: [Shouted()],
+    "scenes_can_be_built": lambda: [Inverted()],
     "goals_say_what_should_be_visible": lambda: [Numeric()],
     "a_scene_depends_on_its_seed_only": lambda: [Always()],
     "a_scene_does_not_draw_from_elsewhere": lambda: [Elsewhere()],

@@ -121,6 +121,14 @@ def test_an_unknown_name_gets_the_near_one():
         Registry([GOOD]).get("vectorstore", "flatt")
 
 
+def test_an_unknown_name_like_no_other_may_be_of_a_plugin_that_is_not_installed():
+    with pytest.raises(UnknownBackend, match="a plugin of yours is installed by pip install --editable FOLDER"):
+        Registry([GOOD]).get("vectorstore", "workbench")
+    with pytest.raises(UnknownBackend) as raised:
+        Registry([GOOD]).get("vectorstore", "flatt")
+    assert "pip install" not in str(raised.value)
+
+
 def test_two_distributions_with_one_name_are_both_named_and_the_rest_goes_on():
     other = FakeEntryPoint("other", "memo-other", memo_vector_stores=stores(store("flat"), store("tree")))
     registry = Registry([GOOD, other])

@@ -233,3 +233,10 @@ def test_cells_of_markdown_do_not_break_its_table():
 def test_a_folder_without_an_experiment_is_refused(tmp_path):
     with pytest.raises(InvalidArgument, match="neither a study nor an evaluation nor a run"):
         write_report(Registry(), tmp_path)
+
+
+def test_a_report_of_an_evaluation_that_was_refused_says_that_it_is_empty(tmp_path):
+    settings = {"llm": {"backend": "offline"}, "suite": {"backend": "tabletop"}}
+    (tmp_path / "evaluation").mkdir()
+    (tmp_path / "evaluation" / "config.yaml").write_text(yaml.safe_dump(settings))
+    assert "holds no trial and no taught run yet" in write_report(Registry(), tmp_path).missing

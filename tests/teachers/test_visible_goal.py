@@ -10,7 +10,7 @@ from memo_core.scene.description import Body, Free, Geom, SceneDescription
 from memo_core.scene.graph import Node, Observation, Relation, SceneGraph
 from memo_core.scene.pose import Pose
 from memo_core.teachers.episode_assessment import impression
-from memo_core.teachers.goal_check import unseen_goal
+from memo_core.teachers.goal_check import met_at_start, unmet_goal, unseen_goal
 from memo_core.teachers.simulated_teacher import SimulatedTeacher, SimulatedTeacherSettings
 from memo_core.teachers.visible import Seen
 from memo_core.teachers.visible_goal import FORMS, holds, read_goal
@@ -280,3 +280,41 @@ def test_what_of_a_goal_cannot_be_seen_is_told_by_sentence():
     assert told[0] == "'the block is on the mat' names 'mat', which is none of block, table"
     assert told[1].startswith("'the block looks happy' has none of the ") and len(told) == 2
     assert unseen_goal((), scene) == ["it has no goal sentences"]
+
+
+@pytest.mark.parametrize(
+    ("sentence", "meant"),
+    [
+        ("the napkin is onn the table", "the napkin is on the table"),
+        ("the napkin is inn the bin.", "the napkin is in the bin"),
+        ("the hand has let got of the napkin", "the hand has let go of the napkin"),
+    ],
+)
+def test_a_misspelt_form_gets_the_near_one(sentence, meant):
+    block = Body("napkin", (Geom("box", (0.04, 0.04, 0.04)),), Pose((0.5, 0.0, 0.02)), Free(), label="napkin")
+    [told] = unseen_goal((sentence,), SceneDescription((block,)))
+    assert told.endswith(f"did you mean {meant!r}?")
+
+
+def test_a_goal_that_is_fulfilled_as_a_whole_at_the_start_is_found():
+    start = graph([NAPKIN, BIN], [("napkin", "on", "table")])
+    let_go = "the hand has let go of the napkin"
+    assert met_at_start((let_go, "the napkin is on the table"), start)
+    assert not met_at_start((let_go, "the napkin is in the bin"), start) and not met_at_start((), start)
+    assert not met_at_start((let_go, "the napkin looks happy"), start)
+
+
+def test_a_goal_that_the_scene_words_otherwise_is_told_with_its_sentence():
+    """A plate that is a part of a warmer: something in its middle is on it, and reported on the warmer."""
+    warmer = Node("warmer", "warmer", Pose((0.5, 0.2, 0.03)), (0.2, 0.2, 0.06), kind="fixture")
+    plate = Node("warmer/plate", "hot plate", Pose((0.5, 0.2, 0.065)), (0.12, 0.12, 0.01), "warmer", "part")
+    before, placed = at(NAPKIN, 0.3, 0.0, 0.02), at(NAPKIN, 0.5, 0.2, 0.09)
+    start = graph([before, warmer, plate], [("napkin", "on", "table")])
+    end = graph([placed, warmer, plate], [("napkin", "on", "warmer")])
+
+    def told(goal: str) -> list[str]:
+        return unmet_goal(TaskEpisode("put it there", start, end, (goal,)))
+
+    said = "'the napkin is on the hot plate' is fulfilled, but planners read 'the napkin is on the warmer'"
+    assert told("the napkin is on the hot plate") == [said]
+    assert told("the napkin is on the warmer") == []

@@ -221,7 +221,8 @@ def _pick_step(wish: Wish, scene: SceneGraph, done: Done) -> str:
 def _put_step(what: str, where: str, relation: str, scene: SceneGraph, done: Done) -> str:
     thing, place = find(scene, what), find(scene, where)
     if thing is None:
-        return _search(scene, done) or _call("PICK_UP", what)
+        shut_in = place is not None and _shut_in(what, place, scene, done)
+        return "" if shut_in else _search(scene, done) or _call("PICK_UP", what)
     if place is not None and _is_at(thing, place, relation, scene):
         return ""
     if place is not None and relation != "on" and (step := _open_up(place, scene)):
@@ -367,6 +368,14 @@ def _is_at(thing: Node, place: Node, relation: str, scene: SceneGraph) -> bool:
     else:
         wanted = ("on",)
     return any(r.subject == thing.id and r.predicate in wanted and r.object in family for r in scene.relations)
+
+
+def _shut_in(what: str, place: Node, scene: SceneGraph, done: Done) -> bool:
+    """Whether what is not to be seen was last placed into something that is closed now."""
+    closed = any(states(scene).get(door.id) == "closed" for door in doors(scene, place))
+    named = f" {what.lower()}"
+    placed = [objects for action, objects in done if action == "place" and f" {objects[0].lower()}".endswith(named)]
+    return closed and bool(placed) and find(scene, placed[-1][-1]) is place
 
 
 def _call(action: str, *objects: str) -> str:
