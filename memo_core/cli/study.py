@@ -94,11 +94,15 @@ def status(folder: Folder, json: Json = False) -> None:
             for s in history["sessions"]
         ]
         print(
-            f"history {history['history']}: {history['runs']} of {history['planned']} tasks, {history['hours']:.2f} h "
-            f"({shown['clock']} clock), {history['successes']} done, {history['corrections']} corrections; "
+            f"history {history['history']}: {history['runs']} of {_count(history['planned'], 'task')}, {history['hours']:.2f} h "
+            f"({shown['clock']} clock), {history['successes']} done, {_count(history['corrections'], 'correction')}; "
             + (history["over"] or f"next: {history['next'] or 'another task'}")
         )
         print_table(columns, rows)
+
+
+def _count(number: int, thing: str) -> str:
+    return f"{number} {thing}{'s' * (number != 1)}"
 
 
 @app.command()
@@ -154,7 +158,8 @@ def _teach(load: Any, registry: Any, folder: Path, jobs: int, sessions: int | No
         return
     for history in shown["histories"]:
         state = history["over"] or "not over"
-        print(f"history {history['history']}: {history['hours']:.2f} h, {history['runs']} tasks, {state}")
+        print(f"history {history['history']}: {history['hours']:.2f} h, {_count(history['runs'], 'task')}, {state}")
+    note(f"memo: to export it for others: memo study export {quote(str(folder.parent))} --to PUBLIC")
 
 
 def _status(folder: Path) -> dict[str, Any]:

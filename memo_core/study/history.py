@@ -106,7 +106,8 @@ def teach(history: TeachingHistory, teaching: Teaching) -> Journal:
 def _over(settings: StudySettings, journal: Journal, tasks: int) -> str:
     """Why the history is over; empty where it is not."""
     if journal.tasks_over >= settings.rounds * tasks:
-        return f"{settings.rounds} rounds of {tasks} tasks are done"
+        rounds = settings.rounds
+        return f"{rounds} round{'s' * (rounds != 1)} of {tasks} task{'s' * (tasks != 1)} {'is' if rounds == 1 else 'are'} done"
     if settings.hours is not None and journal.active_s >= settings.hours * 3600:
         return f"{settings.hours:g} hours of teaching are over"
     return ""
@@ -182,11 +183,13 @@ def _run(
     active = active_seconds(settings, summary, calls_that_count(folder))
     journal.note(_ended(run, summary, active, newest))
     verdict = "done" if summary["success"] else "not done"
-    if not teacher.simulated:
+    if not teacher.simulated and teacher.reception is None:
         verdict = "ended"  # a person at this terminal is not to be taught by the task's check
     remarks = summary["corrections"] + summary["planning_remarks"]
     hours = journal.active_s / 3600
-    teaching.report(f"  {hours:5.2f} h  {run.participant}  {run.task}: {verdict}, {remarks} corrections")
+    teaching.report(
+        f"  {hours:5.2f} h  {run.participant}  {run.task}: {verdict}, {remarks} correction{'s' * (remarks != 1)}"
+    )
 
 
 def _session_clock(

@@ -6,7 +6,18 @@ import time
 from collections import deque
 from collections.abc import Callable
 
+import attrs
+
 from memo_core.plugin import Event, SessionEnded, SessionTask
+
+
+@attrs.frozen
+class Reworded(Event):
+    """Words that a person gave in place of those of which notes were made, or none could be. Only pages receive it."""
+
+    who: str
+    words: str
+
 
 _LISTENERS: list[Callable[[Event], None]] = []
 _RECENT: deque[Event] = deque(maxlen=50)  # of the run that began last: a server may be started after its first events

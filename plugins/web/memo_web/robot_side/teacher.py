@@ -33,6 +33,7 @@ from memo_core.plugin import (
     meaning_of,
     place_in_words,
 )
+from memo_web.robot_side.listening import Reworded, pages_hear
 from memo_web.robot_side.live import Live
 from memo_web.robot_side.pages_process import pages_process
 from memo_web.robot_side.study import StudyPages, WebReception, study_pages
@@ -346,7 +347,7 @@ class WebTeacher(Teacher):
             )
             words = _words(answer)
             never_mind = answer.get("choice") == "accept" or meaning_of(words) in ("silent", "empty")
-            return ReadBack("accepted") if never_mind else ReadBack("reworded", words)
+            return ReadBack("accepted") if never_mind else self._reworded(words)
         notes = [{"key": note.key or "everywhere", "text": note.text} for note in noted.notes]
         right = "Right, keep them"
         choices = (("accept", right), ("strike", "Strike what I marked"))
@@ -363,7 +364,11 @@ class WebTeacher(Teacher):
             meaning = self._asked_back(words, right, "No, that is what I meant instead")
         if meaning == "explain":
             return self.read_back(noted)
-        return ReadBack("reworded", words) if meaning == "correct" else ReadBack("accepted")
+        return self._reworded(words) if meaning == "correct" else ReadBack("accepted")
+
+    def _reworded(self, words: str) -> ReadBack:
+        pages_hear(Reworded(self.who, words))
+        return ReadBack("reworded", words)
 
     # -- hardware ------------------------------------------------------------------------------------------------------
     @property
