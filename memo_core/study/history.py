@@ -30,6 +30,7 @@ from memo_core.study.journal import Journal, TaughtRun, read_journal
 from memo_core.study.participants import Load, teacher_of
 from memo_core.study.people import People
 from memo_core.study.settings import Participant, StudySettings
+from memo_core.text.counting import counted
 
 BOOK = "skillbook.db"
 SEEDS_A_HISTORY = 10_000  # scenes of one history are no other's
@@ -106,8 +107,8 @@ def teach(history: TeachingHistory, teaching: Teaching) -> Journal:
 def _over(settings: StudySettings, journal: Journal, tasks: int) -> str:
     """Why the history is over; empty where it is not."""
     if journal.tasks_over >= settings.rounds * tasks:
-        rounds = settings.rounds
-        return f"{rounds} round{'s' * (rounds != 1)} of {tasks} task{'s' * (tasks != 1)} {'is' if rounds == 1 else 'are'} done"
+        are = "is" if settings.rounds == 1 else "are"
+        return f"{counted(settings.rounds, 'round')} of {counted(tasks, 'task')} {are} done"
     if settings.hours is not None and journal.active_s >= settings.hours * 3600:
         return f"{settings.hours:g} hours of teaching are over"
     return ""
@@ -187,9 +188,7 @@ def _run(
         verdict = "ended"  # a person at this terminal is not to be taught by the task's check
     remarks = summary["corrections"] + summary["planning_remarks"]
     hours = journal.active_s / 3600
-    teaching.report(
-        f"  {hours:5.2f} h  {run.participant}  {run.task}: {verdict}, {remarks} correction{'s' * (remarks != 1)}"
-    )
+    teaching.report(f"  {hours:5.2f} h  {run.participant}  {run.task}: {verdict}, {counted(remarks, 'correction')}")
 
 
 def _session_clock(

@@ -209,8 +209,8 @@ def _show_buttons(view: RunView, study: StudyState, me: str) -> None:
         ui.button("Export", on_click=lambda: _export(study, bool(everything.value)))
     words(
         "STOP, above, stops the robot, and the participant is asked what was wrong. Pausing ends the command: the run "
-        "is kept as it is, and `memo study resume` goes on with it. The last session ends the command and this page; after "
-        f"that `memo study export {_folder(study)} --to PUBLIC` exports. Read review.jsonl before others get an export."
+        "is kept as it is, and `memo study resume` goes on with it. The last session ends the command and this page; "
+        f"`memo study export {_folder(study)} --to PUBLIC` exports then. Read review.jsonl before others get an export."
     )
 
 
