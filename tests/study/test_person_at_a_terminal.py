@@ -95,7 +95,7 @@ def test_a_person_teaches_in_a_narrow_window_from_consent_to_export(start: Start
     assert there.exit_code() == 0 and "1 round of 1 task is done" in there.shown
     assert "That was your session, P01" in there.shown
     for line in there.shown.splitlines():
-        assert "done, 1 corrections" not in line, "the participant is told what the hidden check says"
+        assert "done, 1 correction" not in line, "the participant is told what the hidden check says"
     events = events_of(tmp_path)
     assert events[0]["live"]
     began = max(one["time"] for one in events if one["event"] == "CodeWritten" and one["attempt"] == 2)
