@@ -256,16 +256,18 @@ def test_the_words_that_notes_were_made_of_are_shown_without_commands(browser, p
     pages_hear(Problem("feedback 1 is set aside (see `memo skillbook list`)", "nothing could be learnt from it"))
     pages_hear(Reworded("Kim", "always in an arc"))
     pages_hear(EntryStored(1, "general", "*", "Go in an arc.", 2))
+    pages_hear(EntryStored(2, "template", "OPEN(door)", "import math"))
     again = "stop was pressed; the next run, or `memo skillbook retry`, asks about it again"
     pages_hear(Problem("feedback 3 stays pending", again))
     with opened(browser, f"{pages.url}teach") as page:
         page.get_by_text("What was said and noted", exact=True).click()
         page.get_by_text("noted (everywhere): Go in an arc.").wait_for()
-        assert page.get_by_test_id("said").inner_text().splitlines()[-5:] == [
+        assert page.get_by_test_id("said").inner_text().splitlines()[-6:] == [
             "Kim, about OPEN(door): not so",
             "not noted: nothing could be learnt from it",
             "Kim, in other words: always in an arc",
             "noted (everywhere): Go in an arc.",
+            "kept (OPEN(door)): the program that worked",
             "not noted: stop was pressed; the next run asks about it again",
         ]
 

@@ -20,6 +20,7 @@ from memo_web.pages.study_state import study_of
 _STATUS = {"approved": "✔ worked", "corrected": "✎ corrected, never approved", "unobserved": "– nobody said"}
 _NEAR_MISSES = 5
 _REMARK = "Say what is wrong at any time; this stops the robot"
+_NOTES = ("correction", "general")  # kinds of entries that words became; others hold programs
 _NO_RUN = "No run goes on"
 _COMMAND = re.compile(r",? \(?(?:or|see) `memo [^`]*`(?:\)|,)?")  # a hint for people at a terminal
 
@@ -323,6 +324,8 @@ class TeachingPage:
                     ui.label(f"{data['who']}, about {data['subtask']}: {data['words']}").classes("memo-text")
                 elif event["event"] == "Reworded":
                     ui.label(f"{data['who']}, in other words: {data['words']}").classes("memo-text")
+                elif event["event"] == "EntryStored" and data["kind"] not in _NOTES:
+                    ui.label(f"kept ({data['key']}): the program that worked").classes("memo-text q-pl-md")
                 elif event["event"] == "EntryStored":
                     gone = data["entry"] in struck
                     note = ui.label(f"{'struck' if gone else 'noted'} ({_place(data)}): {data['text']}")
@@ -376,9 +379,8 @@ def _ending(view: RunView) -> str:
 
 
 def _place(note: dict[str, Any]) -> str:
-    """Where a note holds, as the form says it; programs also by their kind."""
-    where = "everywhere" if note["key"] == "*" else note["key"]
-    return where if note["kind"] in ("correction", "general") else f"{note['kind']}, {where}"
+    """Where a note holds, in the words of the form in which it is accepted."""
+    return "everywhere" if note["key"] == "*" else str(note["key"])
 
 
 def _problem(problem: dict[str, Any]) -> str:
