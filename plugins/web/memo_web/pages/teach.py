@@ -379,7 +379,7 @@ def _ending(view: RunView) -> str:
 
 
 def _place(note: dict[str, Any]) -> str:
-    """Where a note holds, in the words of the form in which it is accepted."""
+    """The key of a note in the words of the form in which it is accepted."""
     return "everywhere" if note["key"] == "*" else str(note["key"])
 
 

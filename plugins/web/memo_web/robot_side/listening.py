@@ -13,7 +13,7 @@ from memo_core.plugin import Event, SessionEnded, SessionTask
 
 @attrs.frozen
 class Reworded(Event):
-    """Words that a person gave in place of those of which notes were made, or none could be. Only pages receive it."""
+    """A person said in other words what notes were made of, or could not be made of. Only pages receive this event."""
 
     who: str
     words: str
