@@ -391,7 +391,7 @@ def _problem(problem: dict[str, Any]) -> str:
     return f"{_COMMAND.sub('', problem['where'])}: {message}"
 
 
-def _shower(element: ui.label) -> Callable[[], None]:
+def _shower(element: ui.label) -> Callable[[], object]:
     return lambda: element.set_visibility(True)
 
 
