@@ -27,7 +27,7 @@ from memo_web.pages.study_state import OPERATOR, StudyState, study_of
 from memo_web.pages.text import count, heading, section, words
 from memo_web.pages.why_pages import entry_line
 
-_WATCH_S = 1.0
+_WATCH_S = 0.5
 _READ_S = 3.0  # between two looks into journals and books
 _NEWEST = 30  # notes that are shown
 PHASES = {

@@ -40,7 +40,7 @@ from memo_web.settings import WebSettings
 FILE = "browser.json"
 OPERATOR = "operator"
 _POLL_S = 0.05
-_FAREWELL_S = 2.5
+_FAREWELL_S = 4.0  # on a machine under load
 _MOST_VISITORS = 500  # browsers that are remembered
 
 
