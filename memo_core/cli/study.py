@@ -15,6 +15,7 @@ from memo_core.cli.signal_handling import INTERRUPTED, stopping
 from memo_core.cli.standard_input import answer_to
 from memo_core.errors import InvalidArgument, Stopped
 from memo_core.teachers.answers import NO, bare
+from memo_core.text.counting import counted
 from memo_core.text.reading_limits import LONGEST_WORDS
 
 if TYPE_CHECKING:
@@ -94,8 +95,9 @@ def status(folder: Folder, json: Json = False) -> None:
             for s in history["sessions"]
         ]
         print(
-            f"history {history['history']}: {history['runs']} of {history['planned']} tasks, {history['hours']:.2f} h "
-            f"({shown['clock']} clock), {history['successes']} done, {history['corrections']} corrections; "
+            f"history {history['history']}: {history['runs']} of {counted(history['planned'], 'task')}, "
+            f"{history['hours']:.2f} h ({shown['clock']} clock), {history['successes']} done, "
+            f"{counted(history['corrections'], 'correction')}; "
             + (history["over"] or f"next: {history['next'] or 'another task'}")
         )
         print_table(columns, rows)
@@ -154,7 +156,8 @@ def _teach(load: Any, registry: Any, folder: Path, jobs: int, sessions: int | No
         return
     for history in shown["histories"]:
         state = history["over"] or "not over"
-        print(f"history {history['history']}: {history['hours']:.2f} h, {history['runs']} tasks, {state}")
+        print(f"history {history['history']}: {history['hours']:.2f} h, {counted(history['runs'], 'task')}, {state}")
+    note(f"memo: to export it for others: memo study export {quote(str(folder.parent))} --to PUBLIC")
 
 
 def _status(folder: Path) -> dict[str, Any]:

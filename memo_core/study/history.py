@@ -30,6 +30,7 @@ from memo_core.study.journal import Journal, TaughtRun, read_journal
 from memo_core.study.participants import Load, teacher_of
 from memo_core.study.people import People
 from memo_core.study.settings import Participant, StudySettings
+from memo_core.text.counting import counted
 
 BOOK = "skillbook.db"
 SEEDS_A_HISTORY = 10_000  # scenes of one history are no other's
@@ -106,7 +107,8 @@ def teach(history: TeachingHistory, teaching: Teaching) -> Journal:
 def _over(settings: StudySettings, journal: Journal, tasks: int) -> str:
     """Why the history is over; empty where it is not."""
     if journal.tasks_over >= settings.rounds * tasks:
-        return f"{settings.rounds} rounds of {tasks} tasks are done"
+        are = "is" if settings.rounds == 1 else "are"
+        return f"{counted(settings.rounds, 'round')} of {counted(tasks, 'task')} {are} done"
     if settings.hours is not None and journal.active_s >= settings.hours * 3600:
         return f"{settings.hours:g} hours of teaching are over"
     return ""
@@ -182,11 +184,11 @@ def _run(
     active = active_seconds(settings, summary, calls_that_count(folder))
     journal.note(_ended(run, summary, active, newest))
     verdict = "done" if summary["success"] else "not done"
-    if not teacher.simulated:
+    if not teacher.simulated and teacher.reception is None:
         verdict = "ended"  # a person at this terminal is not to be taught by the task's check
     remarks = summary["corrections"] + summary["planning_remarks"]
     hours = journal.active_s / 3600
-    teaching.report(f"  {hours:5.2f} h  {run.participant}  {run.task}: {verdict}, {remarks} corrections")
+    teaching.report(f"  {hours:5.2f} h  {run.participant}  {run.task}: {verdict}, {counted(remarks, 'correction')}")
 
 
 def _session_clock(

@@ -82,19 +82,18 @@ class TerminalTeacher(Teacher):
 
     # -- whether it worked ---------------------------------------------------------------------------------------------
     def judge(self, episode: Episode) -> Verdict:
-        return self._asked_about(f"{episode.subtask}, attempt {episode.attempt}. Did it work?", episode)
+        return self._asked_about(f"{episode.subtask}, attempt {episode.attempt}. Did it work?", "it worked", episode)
 
     def interrupted(self, episode: Episode) -> Verdict:
-        return self._asked_about(f"Stopped during {episode.subtask}. What was wrong?", episode)
+        return self._asked_about(f"Stopped during {episode.subtask}. What was wrong?", "it had worked", episode)
 
-    def _asked_about(self, question: str, episode: Episode) -> Verdict:
+    def _asked_about(self, question: str, approval: str, episode: Episode) -> Verdict:
         if episode.spoken_error:
             _say(f"The robot says: {episode.spoken_error}")
         moved = ", ".join(node.label for node in episode.moved) or "nothing"
         about = [f"The task: {episode.task}. The robot tried {episode.subtask}; what moved: {moved}."]
-        return self._verdict(
-            question, "y = it worked, s = say nothing, ? = help, or say what was wrong", about, episode.recordings
-        )
+        hint = f"y = {approval}, s = say nothing, ? = help, or say what was wrong"
+        return self._verdict(question, hint, about, episode.recordings)
 
     def judge_task(self, episode: TaskEpisode) -> Verdict:
         about = [f"The task: {episode.task}.", *(f"  done when {sentence}" for sentence in episode.goal)]

@@ -45,7 +45,7 @@ def told(tmp_path: Path) -> dict[str, object]:
 def test_a_study_takes_all_answers_from_a_pipe_and_writes_to_one(tmp_path):
     held = study(tmp_path, *AGREES, *OF_THEMSELVES, *SATISFIED)
     assert held.returncode == 0, held.stderr
-    assert "1 rounds of 1 tasks are done" in held.stdout
+    assert "1 round of 1 task is done" in held.stdout
     assert told(tmp_path) == {
         "participant": "P01", "age": 30, "gender": "f", "robots": "none", "language_models": "daily",
     }  # fmt: skip

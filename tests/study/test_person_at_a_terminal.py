@@ -92,10 +92,10 @@ def test_a_person_teaches_in_a_narrow_window_from_consent_to_export(start: Start
     answer(there, "I noted:", "y")
     assert there.wait_for_next("Plan: now OPEN(cupboard), attempt 2"), there.unread
     approve_the_rest(there)
-    assert there.exit_code() == 0 and "1 rounds of 1 tasks are done" in there.shown
+    assert there.exit_code() == 0 and "1 round of 1 task is done" in there.shown
     assert "That was your session, P01" in there.shown
     for line in there.shown.splitlines():
-        assert "done, 1 corrections" not in line, "the participant is told what the hidden check says"
+        assert "done, 1 correction" not in line, "the participant is told what the hidden check says"
     events = events_of(tmp_path)
     assert events[0]["live"]
     began = max(one["time"] for one in events if one["event"] == "CodeWritten" and one["attempt"] == 2)
@@ -118,7 +118,7 @@ def test_output_can_be_piped_through_tee(start: Start, tmp_path: Path, errors: s
     approve_the_rest(there)
     assert there.exit_code() == 0
     log = (tmp_path / "log").read_text()
-    assert "1 rounds of 1 tasks are done" in log
+    assert "1 round of 1 task is done" in log
     assert (f": {AT_WORK}()" in log and "[29:" in log) == bool(errors)
 
 

@@ -61,7 +61,7 @@ def test_a_session_ends_with_the_attempt_at_hand_and_the_next_begins_with_its_ta
     assert cut == ["open-the-locker", "open-the-locker"]  # the second had a session of its own, so that was it
     assert [run["task"] for run in runs] == ["open-the-cupboard", "open-the-locker", "open-the-locker"]
     assert [run["session"] for run in runs] == [1, 1, 2] and len({run["seed"] for run in runs}) == 3
-    assert history["over"] == "1 rounds of 2 tasks are done"
+    assert history["over"] == "1 round of 2 tasks is done"
 
 
 @pytest.mark.sim
@@ -91,7 +91,7 @@ def test_a_killed_study_goes_on_and_ends_like_one_that_was_not_and_is_exported_w
         with book_of(load(), str(folder / "history-0" / "skillbook.db"), read_only=True) as book:
             said.append([(one.kind, one.words, one.who, one.subtask) for one in raw_log.raw_log(book).feedback])
     assert said[0] == said[1] and any(words for _, words, _, _ in said[0])
-    assert status(load(), whole)["histories"][0]["over"] == "2 rounds of 1 tasks are done"
+    assert status(load(), whole)["histories"][0]["over"] == "2 rounds of 1 task are done"
 
     export_study(load(), whole, tmp_path / "public", demographics=False)
     assert not (tmp_path / "public" / "people.jsonl").exists()

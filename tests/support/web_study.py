@@ -191,7 +191,7 @@ class Operator(Visitor):
         if not self.page.url.endswith("/operator"):
             self.page.goto(f"{self.study.url}operator")
         link = self.page.locator(f"a[data-participant={participant}]")
-        return f"{self.study.url.rstrip('/')}{link.get_attribute('href')}"
+        return str(link.get_attribute("href"))
 
 
 class Participant(Visitor):

@@ -81,9 +81,15 @@ def test_pages_closed_twice_a_killed_server_and_a_killed_command_lose_nothing(br
         participant.asked()
         _see_uses(operator, "it worked")
         _cannot_forget_now(operator)
-        participant.approve_the_rest()
+        operator.go("operator")
+        export = f"memo study export {study.folder.parent} --to PUBLIC"
+        assert export in operator.says()
+        with operator.page.expect_navigation(url=re.compile("/ended$")):
+            participant.approve_the_rest()
+        assert export in operator.says()
         assert study.ended() == 0, study.printed
         assert "Thank you for taking part" in participant.says()
+        assert export in study.printed and re.search(r"open-the-cupboard: (not )?done, 1 correction\n", study.printed)
         assert feedback_in(study) == [("P01", FURTHER)]
         lines = study.journal()
         assert [line["participant"] for line in lines if "session" in line and "begin" not in line] == ["P01"]
@@ -97,9 +103,18 @@ def test_pages_closed_twice_a_killed_server_and_a_killed_command_lose_nothing(br
 def test_each_sees_their_own_session_and_the_operator_what_was_said_and_can_forget_it(browser, tmp_path: Path):
     with StudyCommand(tmp_path, ("P01", "P02"), rounds=2, minutes=0.02) as study:
         operator = Operator(browser, study)
+        addresses = [operator.address_of(one) for one in ("P01", "P02")]
+        operator.sees(addresses[0])
+        assert all(
+            f"memo: {who} opens {at}" in study.printed for who, at in zip(("P01", "P02"), addresses, strict=True)
+        )
         first = Participant(browser, study, operator.address_of("P01"))
         second = Participant(browser, study, operator.address_of("P02"))
         stranger = Visitor(browser, study)
+        stranger.page.goto(addresses[0])
+        stranger.sees("This address was opened in another browser before")
+        assert stranger.page.get_by_role("link", name="Your session").count() == 0
+        assert stranger.page.request.get(f"{study.url}ended").status == 404
         second.sees("Your session has not begun")
         first.agree()
         first.introduce()

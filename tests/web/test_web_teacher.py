@@ -6,9 +6,11 @@ import queue
 import threading
 import time
 
+import attrs
 import numpy as np
 import pytest
 from memo_web.robot_side import teacher as module
+from memo_web.robot_side.listening import Reworded, listen
 from memo_web.robot_side.teacher import WebTeacher
 from memo_web.settings import WebSettings
 
@@ -176,6 +178,19 @@ def test_notes_are_accepted_struck_or_reworded(watched, pages, answer, reaction)
     assert [note["text"] for note in asked["notes"]] == ["Lead it in an arc.", "Go slowly."]
     pages.answer(asked, **answer)
     assert result(results) == reaction
+
+
+@pytest.mark.parametrize("noted", [NOTED, attrs.evolve(NOTED, notes=())], ids=["notes", "no notes"])
+def test_other_words_for_the_notes_are_shown(watched, pages, noted):
+    heard = []
+    unlisten = listen(heard.append)
+    try:
+        results = watched.asked(lambda teacher: teacher.read_back(noted))
+        pages.answer(question(pages), choice="", words="only slower")
+        result(results)
+    finally:
+        unlisten()
+    assert heard == [Reworded("Kim", "only slower")]
 
 
 def test_praise_of_the_notes_that_says_more_is_asked_back(watched, pages):

@@ -17,6 +17,14 @@ _STYLE = """
 .memo-text { white-space: pre-wrap; overflow-wrap: anywhere; }
 .memo-code { white-space: pre; overflow-x: auto; font-family: monospace; font-size: 0.85rem; background: #f4f4f5;
   padding: 0.5rem; border-radius: 4px; max-height: 45vh; overflow-y: auto; }
+.memo-code-tall { max-height: calc(100vh - 12rem); white-space: pre-wrap; }
+.memo-teach { display: grid; grid-template-columns: minmax(0, 1fr); gap: 1rem; }
+.memo-teach:not(.memo-beside) .memo-seen { display: none; }
+@media (min-width: 1024px) {
+  .memo-beside { grid-template: auto 1fr / repeat(2, minmax(0, 1fr)); }
+  .memo-beside .memo-talk, .memo-beside .memo-talk ~ * { grid-column: 2; }
+  .memo-beside .memo-seen { grid-area: 1 / 1 / span 2; }
+}
 .memo-code .now { background: #fde68a; }
 .memo-stop-box { display: flex; align-items: center; gap: 0.75rem; }
 .memo-stop { background: #b91c1c; color: white; font-size: 1.5rem; font-weight: 700; padding: 0.5rem 1.5rem;

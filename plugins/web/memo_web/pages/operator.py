@@ -7,11 +7,15 @@ import io
 import tempfile
 import time
 import zipfile
+from html import escape
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import attrs
-from nicegui import run, ui
+from fastapi import Request, Response
+from fastapi.responses import HTMLResponse
+from nicegui import app, run, ui
 
 from memo_core.plugin import MemoError
 from memo_core.skillbook import Entry, Feedback, Skillbook, explain
@@ -20,10 +24,10 @@ from memo_web.pages.layout import LINKS, framed, visitor
 from memo_web.pages.participant import time_left
 from memo_web.pages.run_view import AskFailed, RunView
 from memo_web.pages.study_state import OPERATOR, StudyState, study_of
-from memo_web.pages.text import heading, section, words
+from memo_web.pages.text import count, heading, section, words
 from memo_web.pages.why_pages import entry_line
 
-_WATCH_S = 1.0
+_WATCH_S = 0.5
 _READ_S = 3.0  # between two looks into journals and books
 _NEWEST = 30  # notes that are shown
 PHASES = {
@@ -32,7 +36,14 @@ PHASES = {
     "about": "answering the questions",
     "task": "teaching",
     "over": "between sessions",
+    "ended": "the command has ended",
 }
+ENDED = """<!doctype html><html lang="en"><head><meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1"><title>The study · MEMO</title></head>
+<body style="font-family: sans-serif; margin: 3rem"><h1>The command has ended, and its pages with it</h1>
+<p>What was taught, for others, without ids:<br><code>memo study export {folder} --to PUBLIC</code></p>
+<p>If sessions are still to come:<br><code>memo study resume {folder}</code></p></body></html>
+"""  # without a connection that could be lost
 _experiment = functools.lru_cache(maxsize=1)(load_study)
 
 
@@ -69,6 +80,12 @@ def add_pages(view: RunView) -> None:
                 return
             _show(view, study, visitor())
 
+    @app.get("/ended")
+    def ended(request: Request) -> Response:
+        if study.role(request.state.visitor) != OPERATOR:
+            return Response(status_code=404)
+        return HTMLResponse(ENDED.format(folder=escape(_folder(study))))
+
 
 def _show(view: RunView, study: StudyState, me: str) -> None:
     heading("The study")
@@ -83,6 +100,9 @@ def _show(view: RunView, study: StudyState, me: str) -> None:
     shown: dict[str, Any] = {}
 
     def refresh() -> None:
+        if study.phase == "ended":
+            ui.navigate.to("/ended")
+            return
         now.set_text(_now(view, study))
         who = (study.participant, study.phase, tuple(study.shown["session_over"]), len(study.shown["roles"]))
         if shown.get("people") != who:
@@ -115,6 +135,11 @@ def _show(view: RunView, study: StudyState, me: str) -> None:
     ui.timer(_READ_S, read)
 
 
+def _folder(study: StudyState) -> str:
+    """Folder of the experiment, as a command of the terminal takes it."""
+    return quote(str(Path(study.shown["folder"]).parent))
+
+
 def _now(view: RunView, study: StudyState) -> str:
     if view.lost:
         return "The study's process has ended; `memo study resume` goes on with it."
@@ -139,10 +164,11 @@ def _show_people(study: StudyState) -> None:
             state = "session over"
         elif name == study.participant and study.phase != "over":
             state = PHASES[study.phase]
-        with ui.row().classes("items-baseline gap-3"):
+        address = f"{study.shown['url']}enter/{key}{token}"
+        with ui.row().classes("items-baseline gap-x-3 gap-y-0"):
             ui.label(name).classes("font-medium")
-            ui.link("address", f"/enter/{key}{token}").props(f'data-participant="{name}"')
             ui.label(state)
+            ui.link(address, address).classes("break-all").props(f'data-participant="{name}"')
 
 
 def _show_notes(standing: Standing) -> None:
@@ -164,13 +190,13 @@ def _show_notes(standing: Standing) -> None:
 def _show_sessions(standing: Standing) -> None:
     for history in standing.histories:
         words(
-            f"{history['runs']} of {history['planned']} tasks, {60 * history['hours']:.0f} minutes, "
-            f"{history['corrections']} corrections. {history['over']}"
+            f"{history['runs']} of {count(history['planned'], 'task')}, {60 * history['hours']:.0f} minutes, "
+            f"{count(history['corrections'], 'correction')}. {history['over']}"
         )
         for one in history["sessions"]:
             state = "over" if one["ended"] else "open"
             words(
-                f"Session {one['number']}, {one['participant']}: {one['runs']} tasks, "
+                f"Session {one['number']}, {one['participant']}: {count(one['runs'], 'task')}, "
                 f"{one['active_s'] / 60:.1f} minutes, {state}"
             )
 
@@ -183,7 +209,8 @@ def _show_buttons(view: RunView, study: StudyState, me: str) -> None:
         ui.button("Export", on_click=lambda: _export(study, bool(everything.value)))
     words(
         "STOP, above, stops the robot, and the participant is asked what was wrong. Pausing ends the command: the run "
-        "is kept as it is, and `memo study resume` goes on with it. Read review.jsonl before others get an export."
+        "is kept as it is, and `memo study resume` goes on with it. The last session ends the command and this page; "
+        f"`memo study export {_folder(study)} --to PUBLIC` exports then. Read review.jsonl before others get an export."
     )
 
 

@@ -23,10 +23,11 @@ QUESTIONS = {
 }
 
 
-THANKS = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Thank you · MEMO</title></head>
+THANKS = """<!doctype html><html lang="en"><head><meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1"><title>Thank you · MEMO</title></head>
 <body style="font-family: sans-serif; margin: 3rem"><h1>That was your session</h1>
 <p>Thank you for taking part. You may close this page.</p>
-<p>If you come again later: <a href="/study">your next session</a>.</p></body></html>
+<p>If you come again later, open your own address again.</p></body></html>
 """  # without a connection that could be lost when the study ends
 
 
@@ -37,7 +38,7 @@ def add_pages(view: RunView) -> None:
         view: the run.
     """
     study = study_of(view)
-    LINKS.add("/study", "Your session", lambda who: study.held and study.role(who) != OPERATOR)
+    LINKS.add("/study", "Your session", lambda who: study.role(who) not in ("", OPERATOR))
 
     @ui.page("/enter/{key}")
     def enter(key: str) -> None:
@@ -64,6 +65,11 @@ def _enter(view: RunView, study: StudyState, key: str) -> None:
         return
     heading("Welcome")
     words("You run this study." if name == OPERATOR else f"You take part in a study, as {name}.")
+
+    taken = name in study.shown["roles"].values() and study.role(me) != name
+    if taken and name != OPERATOR:
+        words("This address was opened in another browser before. If that was not you, tell the experimenter first.")
+        words("Going on here takes the session over from that browser.")
 
     async def go_on() -> None:
         try:

@@ -44,7 +44,6 @@ class ReplayPage:
         """
         self._view, self._who = view, who
         self._stage: dict[str, Any] | None = None
-        self._count = -1
         self._recording: Recording | None = None
         self._attempts: list[Recording] = []
         self._lines: list[ui.label] = []
@@ -52,19 +51,23 @@ class ReplayPage:
         self._playing = False
         self._last = 0.0
         with ui.element("div").classes("grid w-full gap-4 grid-cols-1 lg:grid-cols-2"):
-            with ui.column().classes("w-full"):
+            with ui.column().classes("w-full min-w-0"):
                 self._choice = ui.select({}, label="Attempt", on_change=self._chosen).classes("w-full")
                 self._choice.props("data-testid=attempts")
                 self._scene = Scene3D()
                 with ui.row().classes("w-full items-center no-wrap"):
                     self._play = ui.button("Play", on_click=self._toggle).props("data-testid=play")
-                    self._speed = ui.select(_SPEEDS, value=1.0, label="Speed").classes("w-24")
+                    self._speed = ui.select(_SPEEDS, value=1.0, label="Speed").classes("w-24 shrink-0")
                     self._at = ui.slider(min=0.0, max=1.0, step=0.01, value=0.0, on_change=self._scrubbed)
                     self._at.props('aria-label="Moment, in seconds" data-testid=moment').classes("flex-grow")
-                    self._clock = ui.label().classes("w-32").props("data-testid=clock")
-            with ui.column().classes("w-full"):
+                    self._clock = ui.label().classes("w-32 shrink-0").props("data-testid=clock")
+            with ui.column().classes("w-full min-w-0"):
                 ui.label("The program").classes("text-h6")
-                self._code = ui.element("div").classes("memo-code w-full").props("tabindex=0 data-testid=replay-code")
+                self._code = (
+                    ui.element("div")
+                    .classes("memo-code memo-code-tall w-full")
+                    .props("tabindex=0 data-testid=replay-code")
+                )
         ui.timer(1 / 15, self._tick)
 
     def _tick(self) -> None:
@@ -76,9 +79,9 @@ class ReplayPage:
             self._stage = view.drawn
             self._scene.build(view.drawn)
             self._show()
-        if len(view.attempts) != self._count:
-            self._count = len(view.attempts)
-            self._list()
+        attempts = [one for one in view.attempts if one.times]  # one that has just begun shows nothing yet
+        if attempts != self._attempts:
+            self._list(attempts)
         if self._playing and self._recording is not None and self._recording.times:
             now = time.monotonic()
             at = self._at.value + (now - self._last) * self._speed.value
@@ -89,8 +92,8 @@ class ReplayPage:
             self._at.value = min(at, end)
         self._stretch()
 
-    def _list(self) -> None:
-        self._attempts = list(self._view.attempts)
+    def _list(self, attempts: list[Recording]) -> None:
+        self._attempts = attempts
         chosen = self._attempts.index(self._recording) if self._recording in self._attempts else len(self._attempts) - 1
         self._choice.set_options({n: one.title for n, one in enumerate(self._attempts)}, value=max(0, chosen))
 
@@ -124,7 +127,7 @@ class ReplayPage:
         self._code_shown = self._recording.code if self._recording is not None else ""
         with self._code:
             for line in self._code_shown.splitlines():
-                self._lines.append(ui.label(line or " ").style("white-space: pre; min-height: 1.2em"))
+                self._lines.append(ui.label(line or " ").style("min-height: 1.2em"))
 
     def _toggle(self) -> None:
         self._playing = not self._playing

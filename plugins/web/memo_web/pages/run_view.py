@@ -28,7 +28,7 @@ class AskFailed(Exception):
     """A request that the run's process could not answer; its text says why."""
 
 
-@attrs.define
+@attrs.define(eq=False)
 class Recording:
     """An attempt, as it can be looked at again."""
 

@@ -32,6 +32,7 @@ class Scene3D:
         with ui.column().classes("w-full gap-1"):
             camera = ui.scene.perspective_camera(fov=45)
             self.scene = ui.scene(640, height, grid=False, camera=camera, background_color="#e8ecf0", fps=20)
+            self.scene.style(f"height: {height}px")  # not the canvas's, which is 0 where the page was built hidden
             self.scene.classes("w-full memo-live").props('aria-label="The robot and its scene in 3-D" role=img')
             with ui.row().classes("items-center gap-1"):
                 ui.label("View:").classes("text-caption")

@@ -18,7 +18,7 @@ class StudyState:
     """State of the study, kept in the event loop; empty while none is held.
 
     Attributes:
-        phase: ``waiting``, ``consent``, ``about``, ``task`` or ``over``.
+        phase: ``waiting``, ``consent``, ``about``, ``task``, ``over``, or ``ended``: the command ends.
         participant: whose session is at hand; "" before the first.
         shown: everything that the run's process said of the study.
     """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any
 from urllib.parse import quote
@@ -19,6 +20,9 @@ from memo_web.pages.study_state import study_of
 _STATUS = {"approved": "✔ worked", "corrected": "✎ corrected, never approved", "unobserved": "– nobody said"}
 _NEAR_MISSES = 5
 _REMARK = "Say what is wrong at any time; this stops the robot"
+_NOTES = ("correction", "general")  # kinds of entries that words became; others hold programs
+_NO_RUN = "No run goes on"
+_COMMAND = re.compile(r",? \(?(?:or|see) `memo [^`]*`(?:\)|,)?")  # a hint for people at a terminal
 
 
 def add_pages(view: RunView) -> None:
@@ -58,17 +62,19 @@ class TeachingPage:
         self._marks: list[ui.checkbox] = []
         self._lines: list[ui.label] = []
         self._plan: ui.checkbox | None = None
-        with ui.element("div").classes("grid w-full gap-4 grid-cols-1 lg:grid-cols-2"):
-            with ui.column().classes("w-full"):
-                self._scene = Scene3D()
-                self._cameras = ui.row().classes("w-full")
-            with ui.column().classes("w-full"):
+        self._page = ui.element("div").classes("memo-teach w-full")
+        with self._page:
+            with ui.column().classes("memo-talk w-full"):  # first, so that a phone shows it above the pictures
                 self._task = ui.label().classes("text-h6 memo-text").props("data-testid=task")
                 self._activity = ui.label().classes("memo-text").props("role=status data-testid=activity")
                 self._notice = ui.label().classes("text-bold memo-text")
                 self._offers = ui.column().classes("w-full gap-1")
                 self._question = ui.column().classes("w-full gap-1").props("data-testid=question aria-live=polite")
                 self._field()
+            with ui.column().classes("memo-seen w-full"):
+                self._scene = Scene3D()
+                self._cameras = ui.row().classes("w-full")
+            with ui.column().classes("w-full"):
                 self._done = ui.column().classes("w-full gap-0").props("data-testid=done")
                 with ui.expansion("The program", icon="code").classes("w-full").props("data-testid=program"):
                     self._code = ui.element("div").classes("memo-code w-full").props("tabindex=0")
@@ -92,7 +98,7 @@ class TeachingPage:
         )
         self._words.on("keydown.ctrl.enter", lambda: self._send())
         with ui.row().classes("items-center"):
-            ui.button("Send", on_click=lambda: self._send()).props("data-testid=send")
+            self._send_button = ui.button("Send", on_click=lambda: self._send()).props("data-testid=send")
             ui.label("or Ctrl+Enter").classes("text-caption")
             ui.space()
             self._end = ui.button("End the run", on_click=self._ask_to_end).props("flat dense")
@@ -103,6 +109,9 @@ class TeachingPage:
             return
         words = (self._words.value or "").strip()
         question = self._view.question
+        if question is None and self._view.stage is None:
+            ui.notify(f"{_NO_RUN}.")
+            return
         if not choice and not words:
             ui.notify("Write what was wrong first.")
             return
@@ -153,6 +162,9 @@ class TeachingPage:
         if not view.may_answer(self._who):
             return
         if self._changed("stage", view.stage_number):
+            self._page.classes(**{"remove" if view.stage is None else "add": "memo-beside"})
+            if view.stage is not None:  # a canvas that was hidden has no size yet
+                ui.run_javascript("setTimeout(() => window.dispatchEvent(new Event('resize')), 100)")
             self._scene.build(view.stage)
             self._build_cameras()
         if self._changed("poses", (view.stage_number, view.poses_number)):
@@ -170,6 +182,8 @@ class TeachingPage:
         self._show_task()
         if self._changed("question", (view.question or {}).get("id", 0)):
             self._show_question()
+        if self._changed("field", ((view.question or {}).get("words"), view.question or view.stage)):
+            self._show_field()
         if self._changed("done", view.progress.get("done")):
             self._show_done()
         if self._changed("code", (view.code, view.writing)):
@@ -212,7 +226,6 @@ class TeachingPage:
         self._question.clear()
         self._marks, self._plan = [], None
         self._question.props["data-asked"] = question["id"] if question else 0
-        self._words.props["label"] = (question or {}).get("words") or _REMARK
         if question is None:
             return
         with self._question:
@@ -231,6 +244,14 @@ class TeachingPage:
                 for key, label in question["choices"]:
                     button = ui.button(label, on_click=_sender(self._send, key)).props("outline")
                     button.props["data-choice"] = key
+
+    def _show_field(self) -> None:
+        """Say what the field is for, and switch it off while nothing could be done with words."""
+        question, stage = self._view.question, self._view.stage
+        on = question is not None or stage is not None
+        self._words.props["label"] = (question or {}).get("words") or (_REMARK if on else _NO_RUN)
+        self._words.set_enabled(on)
+        self._send_button.set_enabled(on)
 
     def _show_offers(self) -> None:
         """Show the tasks that can be begun, while no run goes on."""
@@ -301,12 +322,16 @@ class TeachingPage:
                 data = event["data"]
                 if event["event"] == "FeedbackGiven":
                     ui.label(f"{data['who']}, about {data['subtask']}: {data['words']}").classes("memo-text")
+                elif event["event"] == "Reworded":
+                    ui.label(f"{data['who']}, in other words: {data['words']}").classes("memo-text")
+                elif event["event"] == "EntryStored" and data["kind"] not in _NOTES:
+                    ui.label(f"kept ({data['key']}): the program that worked").classes("memo-text q-pl-md")
                 elif event["event"] == "EntryStored":
                     gone = data["entry"] in struck
-                    note = ui.label(f"{'struck' if gone else 'noted'} ({data['kind']}, {data['key']}): {data['text']}")
+                    note = ui.label(f"{'struck' if gone else 'noted'} ({_place(data)}): {data['text']}")
                     note.classes("memo-text q-pl-md" + " text-strike" * gone)
                 elif event["event"] == "Problem" and not data["asked"]:
-                    ui.label(f"{data['where']}: {data['message']}").classes("memo-text text-negative")
+                    ui.label(_problem(data)).classes("memo-text text-negative")
 
     # -- pictures ------------------------------------------------------------------------------------------------------
     def _build_cameras(self) -> None:
@@ -320,6 +345,9 @@ class TeachingPage:
                 with self._cameras, ui.column().classes("gap-0"):
                     image = ui.image().props("no-spinner no-transition fit=contain").classes("memo-live w-72 h-54")
                     self._images[camera] = image, ui.label().classes("text-caption")
+                caption = self._images[camera][1]
+                caption.set_visibility(False)  # until there is something above it
+                image.on("load.once", _shower(caption))
             image, label = self._images[camera]
             if self._changed(f"picture {camera}", (view.stage_number, picture.number)):
                 image.set_source(f"/picture/{quote(camera, safe='')}?n={view.stage_number}.{picture.number}")
@@ -341,9 +369,30 @@ def _ending(view: RunView) -> str:
     last = view.events[-1] if view.events else None
     if last is None or last["event"] != "RunEnded":
         return "No run goes on." if not view.progress.get("activity") else f"{view.progress['activity']} …"
+    if view.for_study:  # a participant is not to learn what the task's hidden check says
+        return "This task is over."
     data = last["data"]
-    how = {True: "The task is done", False: "The task is not done", None: "The run is over"}[data["success"]]
-    return f"{how}. {data['reason']}"
+    if data["success"]:
+        return "The task is done."
+    how = "The run is over" if data["success"] is None else "The task is not done"
+    return f"{how}. Why the run ended: {data['reason']}."
+
+
+def _place(note: dict[str, Any]) -> str:
+    """The key of a note in the words of the form in which it is accepted."""
+    return "everywhere" if note["key"] == "*" else str(note["key"])
+
+
+def _problem(problem: dict[str, Any]) -> str:
+    """A problem without ids of the skillbook and commands of the terminal."""
+    message = _COMMAND.sub("", problem["message"])
+    if re.match(r"feedback \d+ ", problem["where"]):
+        return f"not noted: {message}"
+    return f"{_COMMAND.sub('', problem['where'])}: {message}"
+
+
+def _shower(element: ui.label) -> Callable[[], object]:
+    return lambda: element.set_visibility(True)
 
 
 def _sender(send: Callable[[str], None], key: str) -> Callable[[], None]:

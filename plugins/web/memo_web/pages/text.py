@@ -43,6 +43,19 @@ def program(code: str) -> None:
     ui.label(code.rstrip()).classes("whitespace-pre font-mono text-sm overflow-x-auto bg-gray-100 p-3 w-full")
 
 
+def count(number: int, thing: str) -> str:
+    """A number of things in words.
+
+    Args:
+        number: how many.
+        thing: name of one, such as "task".
+
+    Returns:
+        Such as "1 task" or "2 tasks".
+    """
+    return f"{number} {thing}{'s' * (number != 1)}"
+
+
 def local_time(seconds: float) -> str:
     """A moment on this machine's clock.
 

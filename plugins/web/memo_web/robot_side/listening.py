@@ -6,7 +6,18 @@ import time
 from collections import deque
 from collections.abc import Callable
 
+import attrs
+
 from memo_core.plugin import Event, SessionEnded, SessionTask
+
+
+@attrs.frozen
+class Reworded(Event):
+    """A person said in other words what notes were made of, or could not be made of. Only pages receive this event."""
+
+    who: str
+    words: str
+
 
 _LISTENERS: list[Callable[[Event], None]] = []
 _RECENT: deque[Event] = deque(maxlen=50)  # of the run that began last: a server may be started after its first events

@@ -1,7 +1,8 @@
 """The robot as it moves, for the pages: poses, cameras' pictures, and a beat that says whether both are of this moment.
 
-A simulator is read only in the thread that moves it: after ticks, and at events of the run. A real robot's joints are
-read in a thread of this module; its cameras' pictures are those of the last look.
+A simulator is read only in the thread that moves it: after ticks, and at events of the run. It is put back as soon as a
+person has said what was wrong; the moment they judged stays in view until they are done with the notes made of it. A
+real robot's joints are read in a thread of this module; its cameras' pictures are those of the last look.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ _HEIGHT = 240  # pixels of a picture
 _SHARE = 0.15  # of the time, at most, that a simulator draws pictures
 _QUALITY = 80  # of JPEG
 _MOVED = 1e-5  # m, or of a quaternion
+_GOES_ON = ("Retrieved", "CodeWritten", "SkillStarted", "SubtaskEnded", "RunEnded")  # after notes were made
 
 
 class Live:
@@ -44,6 +46,7 @@ class Live:
         self._drawn = Drawn(stage.robot, stage.scene)
         self._cameras = [camera.name for camera in stage.scene.cameras] if stage.scene is not None else []
         self._line = 0
+        self._judged = False  # whether the moment that a person judged stays in view
         self._sent = np.zeros((0, 7), np.float32)
         self._ticked = self._framed = self._next_picture = 0.0
         self._closed = threading.Event()
@@ -79,6 +82,7 @@ class Live:
     # -- in the thread that moves the robot ----------------------------------------------------------------------------
     def _tick(self) -> None:
         self._ticked = now = time.monotonic()
+        self._judged = False
         if now - self._framed >= _FRAME_S:
             self._frame(now)
         if now >= self._next_picture and self._cameras and not self._stage.link.stopped:
@@ -90,7 +94,11 @@ class Live:
             self._line = getattr(event, "line", 0)
         elif name in ("SubtaskStarted", "CodeEnded", "CodeWritten"):
             self._line = 0
-        if threading.get_ident() == self._thread and name not in ("ModelCalled", "SkillStarted"):
+        if name == "FeedbackGiven":
+            self._judged = self._stage.simulator is not None
+        elif name in _GOES_ON or (name == "ModelAsked" and getattr(event, "phase", "") != "feedback"):
+            self._judged = False
+        if threading.get_ident() == self._thread and not self._judged and name not in ("ModelCalled", "SkillStarted"):
             self._update()
 
     def _update(self) -> None:

@@ -40,7 +40,7 @@ from memo_web.settings import WebSettings
 FILE = "browser.json"
 OPERATOR = "operator"
 _POLL_S = 0.05
-_FAREWELL_S = 1.5
+_FAREWELL_S = 4.0  # on a machine under load
 _MOST_VISITORS = 500  # browsers that are remembered
 
 
@@ -156,8 +156,9 @@ class StudyPages:
         self._unlisten = listen(self._hear)
         atexit.register(self._part)  # before the server is ended
         self._show()
-        address = f"{pages.url}enter/{self.visitors.keys[OPERATOR]}"
-        print(f"memo: the person who runs the study opens {address}", file=sys.stderr)
+        for name, key in self.visitors.keys.items():
+            who = "the person who runs the study" if name == OPERATOR else name
+            print(f"memo: {who} opens {pages.url}enter/{key}", file=sys.stderr)
 
     def close(self) -> None:
         """Tell the pages nothing more."""
@@ -177,7 +178,12 @@ class StudyPages:
 
     def _show(self) -> None:
         owner = self.visitors.newest(self._state["participant"]) if self._state["participant"] else None
-        shared = {"folder": str(self.folder), "keys": self.visitors.keys, "roles": self.visitors.roles}
+        shared = {
+            "folder": str(self.folder),
+            "url": self.pages.url,
+            "keys": self.visitors.keys,
+            "roles": self.visitors.roles,
+        }
         token = self.pages.settings.checked_token()
         self.pages.send("study", keep="study", study={**shared, **self._state, "owner": owner, "token": token})
 
@@ -197,8 +203,9 @@ class StudyPages:
             self.show(phase="task", session_over=over, ends_at=when + event.left_s, **task)
 
     def _part(self) -> None:
-        """Give the last participant's page the time to go to the farewell, which needs no server."""
+        """Give the pages of the last participant and of the operator the time to show an end that needs no server."""
         if self._state["phase"] == "over":
+            self.show(phase="ended")
             time.sleep(_FAREWELL_S)
 
     # -- from the pages ------------------------------------------------------------------------------------------------

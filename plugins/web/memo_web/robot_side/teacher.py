@@ -34,6 +34,7 @@ from memo_core.plugin import (
     place_in_words,
     teaches_nothing,
 )
+from memo_web.robot_side.listening import Reworded, pages_hear
 from memo_web.robot_side.live import Live
 from memo_web.robot_side.pages_process import pages_process
 from memo_web.robot_side.study import StudyPages, WebReception, study_pages
@@ -348,7 +349,7 @@ class WebTeacher(Teacher):
             words = _words(answer)
             if answer.get("choice") == "accept" or meaning_of(words) in ("silent", "empty"):
                 return ReadBack("accepted")
-            return self.read_back(noted) if teaches_nothing(words) else ReadBack("reworded", words)
+            return self.read_back(noted) if teaches_nothing(words) else self._reworded(words)
         notes = [{"key": note.key or "everywhere", "text": note.text} for note in noted.notes]
         right = "Right, keep them"
         choices = (("accept", right), ("strike", "Strike what I marked"))
@@ -365,7 +366,11 @@ class WebTeacher(Teacher):
             meaning = self._asked_back(words, right, "No, that is what I meant instead")
         if meaning == "explain":
             return self.read_back(noted)
-        return ReadBack("reworded", words) if meaning == "correct" else ReadBack("accepted")
+        return self._reworded(words) if meaning == "correct" else ReadBack("accepted")
+
+    def _reworded(self, words: str) -> ReadBack:
+        pages_hear(Reworded(self.who, words))
+        return ReadBack("reworded", words)
 
     # -- hardware ------------------------------------------------------------------------------------------------------
     @property
