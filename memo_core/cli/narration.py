@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 import threading
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -31,6 +32,7 @@ from memo_core.events import (
     SkillStarted,
     SubtaskEnded,
     SubtaskStarted,
+    WorldPutBack,
 )
 from memo_core.llm.spending import prompt_words
 from memo_core.policy.results import STATUS_IN_WORDS
@@ -40,6 +42,7 @@ from memo_core.text import terminal
 STATUS_COLOURS = {"approved": "green", "corrected": "yellow", "unobserved": "dim"}
 _TOLD_S = 0.5  # a quicker call that cost nothing is not told: a stand-in's, not a model's
 NEAR_MISSES = 3
+_REASON = 160  # characters of why an answer cannot be used
 
 
 class Narrator:
@@ -151,8 +154,14 @@ class Narrator:
             self._matches[event.note] += 1
         elif event.note:
             self.say(f"  {event.note}", "dim")
+        if event.unusable:
+            self.say(f"  cannot be used: {textwrap.shorten(event.unusable, _REASON, placeholder=' …')}", "yellow")
         if event.not_understood and event.phase != "feedback":  # there the notes, or the question, say so
             self.say(f"  not understood: {', '.join(event.not_understood)}", "yellow")
+
+    def _on_WorldPutBack(self, event: WorldPutBack) -> None:
+        how = "a person put the objects back" if event.by == "person" else "the world is put back"
+        self.say(f"  {how}: as at the start of {event.subtask}", "dim")
 
     def _on_Retrieved(self, event: Retrieved) -> None:
         if not event.served:

@@ -21,20 +21,22 @@ from memo_core.errors import close_match
 from memo_core.interfaces.backend import KINDS
 from memo_core.text.parsing import resolved
 
+_DRIVERS = (("robot", "driver"), ("robot", "gripper_driver"))  # choices of a backend within the robot's section
 _ONE_REFERENCE = re.compile(r"\s*\$\{[^${}]*\}\s*")
 
 
 @attrs.define
 class Merged:
     """The merged layers: resolved ``values``; ``shown``, the same with the expression in place of values from the
-    environment; the origin of each value; the errors so far; and the paths of values that are one environment
-    variable's, which is text whatever it is meant as."""
+    environment; the origin of each value; the errors so far; the paths of values that are one environment variable's,
+    which is text whatever it is meant as; and what ``--set`` gives a path before it is read as YAML."""
 
     values: dict[str, Any]
     shown: dict[str, Any]
     origins: dict[Path_, Origin]
     issues: list[Issue]
     from_environment: frozenset[Path_] = frozenset()
+    typed: dict[Path_, str] = attrs.field(factory=dict)
 
     def origin(self, path: Path_) -> Origin:
         """Origin of the value itself or, if it is absent, of the nearest enclosing section."""
@@ -69,12 +71,13 @@ def merge(file: Path | None, overrides: Sequence[str] = (), defaults: dict[str, 
     stacked: list[Source] = []
     for layer in layers:
         _make_room(stacked, layer)
+        _join_drivers(stacked, layer)
         stacked.append(layer)
     origins = {path: origin for layer in stacked for path, origin in layer.origins.items()}
     if file is not None:
         origins.setdefault((), Origin(str(file)))
     values, shown, failed, from_environment = _resolve([layer.values for layer in stacked], origins)
-    return Merged(values, shown, origins, issues + failed, from_environment)
+    return Merged(values, shown, origins, issues + failed, from_environment, layers[-1].typed)
 
 
 def presets() -> tuple[str, ...]:
@@ -133,9 +136,10 @@ def _with_bases(file: Path, shown: str, above: tuple[Path, ...]) -> list[Source]
 
 def _overrides(overrides: Sequence[str]) -> Source:
     """The layer of ``--set``. What names a backend is placed before the section's other keys, and a whole section
-    before one of its values, whatever their order: otherwise the later option would discard the earlier one."""
+    before one of its values, whatever their order: otherwise the later option would discard the earlier one. A driver
+    that is named beside its keys is named by ``backend``."""
     source = Source()
-    placed: list[tuple[tuple[str, ...], Any, Origin]] = []
+    placed: list[tuple[tuple[str, ...], Any, Origin, str | None]] = []
     for override in overrides:
         name, equals, text = override.partition("=")
         parts = tuple(part.strip() for part in name.split("."))
@@ -146,14 +150,25 @@ def _overrides(overrides: Sequence[str]) -> Source:
         try:
             value = read_value(text)
         except ValueError as error:
-            source.issues.append(Issue(origin, ".".join(parts), f"the value is not YAML: {error}"))
-            continue
+            if len(parts) == 1:
+                source.issues.append(Issue(origin, parts[0], f"the value is not YAML: {error}"))
+                continue
+            value = text  # a mistake unless the setting is text, see ``Checker.value``
         if parts == ("extends",):
             source.issues.append(Issue(origin, "extends", "can only be set in a file"))
             continue
-        placed += [(path, leaf, origin) for path, leaf in _keys_of_section(parts, value)]
-    for parts, value, origin in sorted(placed, key=lambda one: 1 if one[0][1:] == ("backend",) else len(one[0])):
+        leaves = _keys_of_section(parts, value)
+        placed += [(path, leaf, origin, text if path == parts else None) for path, leaf in leaves]
+    with_keys = {parts[:2] for parts, *_ in placed if len(parts) > 2 and parts[:2] in _DRIVERS}
+    placed = [
+        ((*parts, "backend") if parts in with_keys and isinstance(value, str) else parts, value, *more)
+        for parts, value, *more in placed
+    ]
+    for parts, value, origin, words in sorted(placed, key=lambda one: 1 if one[0][1:] == ("backend",) else len(one[0])):
         _place(source, parts, value, origin)
+        source.typed.pop(parts, None)
+        if words is not None:
+            source.typed[parts] = words
     return source
 
 
@@ -266,6 +281,32 @@ def _make_room(below: list[Source], layer: Source) -> None:
             other.values.pop(kind, None)
             for path in [path for path in other.origins if path[0] == kind]:
                 del other.origins[path]
+
+
+def _join_drivers(below: list[Source], layer: Source) -> None:
+    """Add keys of a driver to the one that a lower layer names by a word; merged, they would take the word's place.
+    Those of the robot's driver go beside its name, where that layer may have others."""
+    robot = layer.values.get("robot")
+    if not isinstance(robot, dict):
+        return
+    for _, name in _DRIVERS:
+        keys = robot.get(name)
+        robots = [other.values.get("robot") for other in below]
+        named = [one[name] for one in robots if isinstance(one, dict) and name in one]
+        if not isinstance(keys, dict) or "backend" in keys or not named or not isinstance(named[-1], str):
+            continue
+        if name == "gripper_driver":
+            keys["backend"] = named[-1]
+            continue
+        robot |= robot.pop(name)
+        _move(layer.origins, ("robot", name))
+        _move(layer.typed, ("robot", name))
+
+
+def _move(by_path: dict[Path_, Any], section: Path_) -> None:
+    """Move what is under a section to the section around it."""
+    for path in [path for path in by_path if path[: len(section)] == section]:
+        by_path[(*section[:-1], *path[len(section) :])] = by_path.pop(path)
 
 
 def _resolve(

@@ -17,6 +17,7 @@ from memo_core.events import (
     RunEnded,
     SubtaskEnded,
     SubtaskStarted,
+    WorldPutBack,
 )
 from memo_core.skillbook.model.entries import headline
 
@@ -104,6 +105,25 @@ def test_what_a_person_is_asked_about_next_is_not_told_before():
     asked = ModelCalled("feedback", "m", 10, 5, None, 1.0, not_understood=("the words",))
     assert narrated(aside, asked).count("Which way?") == 0 and "the words" not in narrated(asked)
     assert "Which way?" in narrated(attrs.evolve(aside, asked=False))
+
+
+def test_an_answer_that_cannot_be_used_has_its_reason_in_one_line():
+    reason = "it has no program\n" + "at all " * 100
+    shown = narrated(ModelCalled("code", "m", 5, 1, None, 0.6, unusable=reason), width=300)
+    [line] = [line for line in shown.splitlines() if "cannot be used" in line]
+    assert "it has no program at all" in line and line.endswith("…") and len(line) < 200
+    assert "cannot be used" not in narrated(ModelCalled("code", "m", 5, 1, None, 0.6))
+
+
+def test_that_the_world_was_put_back_is_said():
+    assert "put back: as at the start of OPEN(door)" in narrated(WorldPutBack("OPEN(door)", "simulator"))
+    assert "a person" in narrated(WorldPutBack("OPEN(door)", "person"))
+
+
+def test_a_template_is_listed_by_a_whole_sentence():
+    wrapped = 'def f():\n    """Lead the handle, e.g. of a door, along\n    an arc. Slowly.\n\n    More."""\n'
+    assert headline("template", wrapped) == "f: Lead the handle, e.g. of a door, along an arc."
+    assert headline("template", 'def f():\n    """No full stop\n    here"""\n') == "f: No full stop here"
 
 
 def test_a_template_is_listed_by_what_it_does():
