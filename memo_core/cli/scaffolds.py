@@ -260,6 +260,8 @@ def write_scaffold(kind: str, name: str, folder: Path, urdf: Path | RobotSource 
         item, place = _things(name)
         shown = f"a 4 cm block, called {item!r}, to put on a flat mat, called {place!r}"
         notes = (f"it is {shown}, so far: scene, goal, check and solution are yours to change",)
+    if kind in ("driver", "gripper"):
+        notes = ("memo plugins check connects to what answers at the driver's default address, and moves it",)
     return Written(tuple(written), notes)
 
 

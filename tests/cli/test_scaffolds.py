@@ -382,8 +382,8 @@ def test_the_page_of_a_kind_shows_the_plugin_as_it_is_written(page):
 @pytest.mark.parametrize(
     ("kind", "name", "said"),
     [
-        ("llm", "offline", "memo-offline has a llm 'offline' already; expected another name, or pip uninstall"),
-        ("robot", "panda", "pip uninstall memo-franka (or edit the .urdf in its folder)"),
+        ("llm", "offline", "memo-offline has a llm 'offline' already; expected another name\n"),
+        ("robot", "panda", "memo-franka has a robot 'panda' already; expected another name\n"),
         ("teacher", "nobody", "already"),  # a former name
         ("command", "run", "a command 'run' already"),
         ("skills", "import", "a word of Python"),
