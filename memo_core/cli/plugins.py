@@ -141,10 +141,14 @@ def _confirm_motion(backend: Backend, yes: bool) -> None:
     except (MemoError, TypeError):
         return  # the rules say so
     address = driver.address if isinstance(driver, RobotDriver) else ""
-    still = driver.simulated if isinstance(driver, RobotDriver) else isinstance(driver, GripperDriver) and driver.included
+    still = (
+        driver.simulated if isinstance(driver, RobotDriver) else isinstance(driver, GripperDriver) and driver.included
+    )
     if not still and not re.search(r"\b(localhost|127\.\d+\.\d+\.\d+)\b|\[?::1\b", address):
         where = f" ({address})" if address else ""
-        confirmed(f"The rules connect to what answers at the default address of {backend.name}{where}, and move it.", yes)
+        confirmed(
+            f"The rules connect to what answers at the default address of {backend.name}{where}, and move it.", yes
+        )
 
 
 def _missing(backend: Backend) -> str:
