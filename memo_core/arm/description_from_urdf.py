@@ -204,7 +204,7 @@ def _with_hand(
     guesses.append(Guess("gripper's place", f"{1000 * out:.0f} mm out", why))
     root = ElementTree.fromstring(text)
     [origin] = root.iterfind(f"joint[@name='{prefix}mount']/origin")
-    origin.set("xyz", numbers((frames[flange].inverse() * palm).rotation @ (0.0, 0.0, out)))
+    origin.set("xyz", numbers(list((frames[flange].inverse() * palm).rotation @ (0.0, 0.0, out))))
     return ElementTree.tostring(root, encoding="unicode")
 
 

@@ -225,11 +225,11 @@ class RobotSource:
             if not folder.is_dir():
                 raise InvalidArgument("--mesh-folder", f"{folder} is no folder", "one that holds meshes")
         folders = [self.urdf.resolve().parent, *(folder.resolve() for folder in self.mesh_folders)]
-        text, places = self._text(), [str(folder) for folder in folders]
+        text, near = self._text(), [str(folder) for folder in folders]
         try:
-            found = with_meshes_found(text, places, self.skip_missing_meshes)
+            found = with_meshes_found(text, near, self.skip_missing_meshes)
         except InvalidArgument as missing:
-            _check_the_rest(with_meshes_found(text, places, skip_missing=True).text, places[0], missing)
+            _check_the_rest(with_meshes_found(text, near, skip_missing=True).text, near[0], missing)
             raise
         places = dict.fromkeys((name.rpartition("/")[0], str(path.parent)) for name, path in found.moved)
         lines = [f"meshes of {named} found in {place}" for named, place in places]

@@ -88,7 +88,7 @@ def test_debug_shows_where_wherever_it_stands(tmp_path):
     [
         ("pinocchio", r"moving a robot needs the Python module pinocchio \(.*install.*\[arm\]"),
         ("PIL.Image", r"writing videos needs the Python module PIL \(.*install.*\[video\]"),
-        ("pydantic_monty", r"memo-core needs the Python module pydantic_monty \(.*install.*memo"),
+        ("pydantic_monty", r"memo-core needs the Python module pydantic_monty \(.*pip install .*\)"),
         ("somewhere", r"unexpected ModuleNotFoundError: No module named 'somewhere' \(a bug"),
     ],
 )

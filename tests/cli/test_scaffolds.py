@@ -29,9 +29,9 @@ from memo_core.interfaces.backend import KINDS
 from memo_core.plugins.installing import install
 from memo_core.plugins.registry import Registry
 from memo_core.robot.mounting import base_pose
+from memo_core.robot.urdf.reading import read_urdf
 from memo_core.teachers.goal_check import unseen_goal
 from memo_core.testing.perception import StillWorld
-from memo_core.robot.urdf.reading import read_urdf
 from memo_core.testing.plugins import check_backend
 from tests.support.arms import facing_arm, six_joint_arm
 

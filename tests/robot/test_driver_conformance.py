@@ -57,7 +57,7 @@ def test_a_driver_is_checked_with_the_arm_that_is_named_and_a_device_moves_only_
         main(["plugins", "check", "robot_driver/double"])
     assert "answers at the default address of double (double), and move it" in capsys.readouterr().err
     counted = []
-    rule = lambda make, robot: counted.append(len(robot.joints))  # noqa: E731
+    rule = lambda make, robot: counted.append(len(robot.joints))
     monkeypatch.setattr(robot_driver, "_RULES", {"counts": rule})
     with pytest.raises(SystemExit, match="0"):
         main(["plugins", "check", "robot_driver/double", "--robot", "ur5e", "--yes"])
