@@ -104,7 +104,7 @@ def _guarded_run(given: list[str], debug: bool, interrupt: Interrupt) -> int:
 
 
 def _needed(error: ModuleNotFoundError) -> str:
-    """What needs the module and how to install it; empty where that is not known."""
+    """Say what needs the missing module and how to install it; empty where that is not known."""
     from memo_core.plugins.installing import needed
 
     return needed((error.name or "").partition(".")[0])

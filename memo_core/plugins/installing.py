@@ -77,7 +77,7 @@ def install(wanted: str, module: str = "") -> str:
 
 
 def needed(module: str) -> str:
-    """What needs a module that cannot be imported, with the command that installs it, in one sentence.
+    """Say what needs a module that cannot be imported, and the command that installs it.
 
     Args:
         module: name of the module, such as ``pinocchio``.
