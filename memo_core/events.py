@@ -220,6 +220,7 @@ class RunEnded(Event):
     completion_tokens: int = 0
     cost: float | None = None
     cached_tokens: int = 0
+    judge: str = "the task's own check"  # whose verdict ``success`` is
 
 
 @attrs.frozen

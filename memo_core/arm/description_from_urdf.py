@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
 
 import attrs
@@ -25,7 +26,7 @@ from memo_core.robot.finger_linkage import FingerLinkage
 from memo_core.robot.hand_mount import mount_rpy
 from memo_core.robot.parallel_hand import ParallelHand, with_parallel_hand
 from memo_core.robot.urdf.reading import Urdf, UrdfJoint, link_poses, read_urdf
-from memo_core.robot.urdf.text import with_fixed
+from memo_core.robot.urdf.text import numbers, with_fixed
 from memo_core.robot.urdf.units import check_units
 from memo_core.scene.pose import Array, Pose, quaternion_from_rotation
 
@@ -37,6 +38,7 @@ _TURN = 2 * math.pi  # rad a continuous joint is planned within, either way
 _SPEED, _EFFORT = 2.0, 50.0  # rad/s, Nm where the URDF says nothing
 _SLIDE_SPEED, _SLIDE_EFFORT = 0.25, 500.0  # m/s, N
 _PLAIN_HAND = "or --plain-hand (plain_hand=True): a plain parallel hand in its place"
+_OVERLAP = 0.01  # m that a hand may reach into the last link: frames and flanges are not exact
 _TIP = 0.01  # m that the fingertips are taken to extend beyond the tool centre
 
 
@@ -102,7 +104,7 @@ def describe_urdf(
     if fingers:
         read.append(f"fingers: {', '.join(joint.name for joint in fingers)}")
     else:
-        text = _with_hand(text, urdf, [joint.name for joint in chain], why, guesses)
+        text = _with_hand(text, mesh_folder, urdf, chain, why, guesses)
         urdf = read_urdf(text, mesh_folder)
         fingers = arm_and_fingers(urdf).fingers
     light = [joint.child for joint in urdf.joints if joint.kind != "fixed" and urdf.links[joint.child].mass <= 0]
@@ -173,9 +175,12 @@ def _not_stated(value: float) -> str:
     return "the URDF's 0 is taken as not stated" if value == 0 else "the URDF states none"
 
 
-def _with_hand(text: str, urdf: Urdf, chain: Sequence[str], why: str, guesses: list[Guess]) -> str:
-    """The URDF text with ``ParallelHand`` on the arm's flange."""
-    flange = _flange(urdf, urdf.joint(chain[-1]).child)
+def _with_hand(
+    text: str, mesh_folder: str | None, urdf: Urdf, arm: Sequence[UrdfJoint], why: str, guesses: list[Guess]
+) -> str:
+    """The URDF text with ``ParallelHand`` on the arm's flange, as far out as the last link's shapes reach."""
+    chain = [joint.name for joint in arm]
+    flange = _flange(urdf, arm[-1].child)
     turned, leads = mount_rpy(urdf, chain, flange)
     guesses.append(Guess("gripper", "ParallelHand()", f"{why}: a plain hand sits on {flange!r}"))
     if any(turned):
@@ -185,7 +190,33 @@ def _with_hand(text: str, urdf: Urdf, chain: Sequence[str], why: str, guesses: l
     prefix = "hand_"
     while any(link.startswith(prefix) for link in urdf.links):
         prefix = f"plain_{prefix}"
-    return with_parallel_hand(text, flange, ParallelHand(), prefix, turned)
+    shapes = _shapes(text, mesh_folder, urdf, tuple(_joint(joint, []) for joint in arm), flange)
+    text = with_parallel_hand(text, flange, ParallelHand(), prefix, turned)
+    frames = link_poses(read_urdf(text, mesh_folder), {})
+    palm, out = frames[f"{prefix}palm"], 0.0
+    for link in fixed_to(urdf, arm[-1].child):
+        points = (palm.inverse() * frames[link]).apply(shapes.get(link, _NONE))
+        if len(points) and (points[:, :2].min(axis=0) < 0).all() and (points[:, :2].max(axis=0) > 0).all():
+            out = max(out, round(float(points[:, 2].max()), 4))
+    if out < _OVERLAP:
+        return text
+    why = f"the shapes of {arm[-1].child!r} reach that far beyond {flange!r}: the URDF's {prefix}mount shifts the hand"
+    guesses.append(Guess("gripper's place", f"{1000 * out:.0f} mm out", why))
+    root = ElementTree.fromstring(text)
+    [origin] = root.iterfind(f"joint[@name='{prefix}mount']/origin")
+    origin.set("xyz", numbers(list((frames[flange].inverse() * palm).rotation @ (0.0, 0.0, out))))
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _shapes(
+    text: str, mesh_folder: str | None, urdf: Urdf, joints: tuple[JointDescription, ...], tool_link: str
+) -> dict[str, Array]:
+    """Link -> corners of its collision shapes' boxes in the link's frame (m), of an arm without described fingers."""
+    arm = RobotDescription(
+        urdf.name, text, joints, GripperDescription(finger_joints=()), tool_link, mesh_folder=mesh_folder
+    )
+    arm = attrs.evolve(arm, home=tuple((joint.lower + joint.upper) / 2 for joint in joints))
+    return RobotShape(arm, Kinematics(arm)).corners()
 
 
 def _flange(urdf: Urdf, last: str) -> str:
@@ -233,10 +264,7 @@ def _with_fingers_shut_at_zero(
     guesses: list[Guess],
 ) -> tuple[str, Urdf, tuple[UrdfJoint, ...]]:
     """The URDF, with finger slides that are not shut at 0, or that close with growing positions, turned about."""
-    no_fingers = GripperDescription(finger_joints=())
-    arm = RobotDescription(urdf.name, text, joints, no_fingers, _carrier(urdf, fingers[0]), mesh_folder=mesh_folder)
-    arm = attrs.evolve(arm, home=tuple((joint.lower + joint.upper) / 2 for joint in joints))
-    slides = finger_slides(urdf, fingers, RobotShape(arm, Kinematics(arm)).corners())
+    slides = finger_slides(urdf, fingers, _shapes(text, mesh_folder, urdf, joints, _carrier(urdf, fingers[0])))
     if all(one.counted_from_shut for one in slides if one.joint.mimic is None):
         return text, urdf, fingers
     text = counted_from_shut(text, slides)

@@ -12,7 +12,7 @@ import time
 import numpy as np
 
 from memo_core.arm.inverse_kinematics import Kinematics
-from memo_core.arm.settling import APART, apart
+from memo_core.arm.settling import APART, apart, uncounted
 from memo_core.arm.trajectory import stopping
 from memo_core.errors import BackendUnavailable, MotionError, RobotFault
 from memo_core.interfaces.link import Health, Link
@@ -25,6 +25,7 @@ _TICKS = 3  # control periods of too much force, or of an arm that does not foll
 _CARRIED = 0.2  # rad (m for a slide) between target and measured, beyond the servo's lag: contact explains less
 _PACE = 0.9  # share of the control period that a send takes at least, on average
 _AHEAD_S = 0.05  # by which sends may be ahead of the clock on the wall
+COUNTED = "robot.backend: the description of this arm, and a driver that answers for each of its joints"
 STARTS = "its open(), and release() and recover(), must start joint_targets() at the measured positions"
 
 
@@ -109,12 +110,14 @@ class GuardedLink(Link):
             address: name of the robot in errors.
 
         Raises:
-            BackendUnavailable: if the robot does not accept commands, its driver would start from elsewhere than where
-                the arm is measured, or it is outside its limits.
+            BackendUnavailable: if the robot does not accept commands, its driver does not give one finite number for
+                each joint or would start from elsewhere than where the arm is measured, or it is outside its limits.
         """
         health = self.health()
         if not health.ready:
             raise BackendUnavailable("robot", address, health.problem)
+        if problem := uncounted(self._inner):
+            raise BackendUnavailable("robot", address, problem, COUNTED)
         if problem := apart(self._inner):
             raise BackendUnavailable("robot", address, f"the first command would make it leap: {problem}", STARTS)
         if outside := self.outside():

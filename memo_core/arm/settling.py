@@ -45,6 +45,24 @@ def apart(link: Link, allowed: float | Array = APART) -> str:
     return f"{name} is at {measured[worst]:.3f} and its target at {targets[worst]:.3f} {unit}"
 
 
+def uncounted(link: Link) -> str:
+    """The positions, velocities or targets that are not one finite number per joint, in one sentence.
+
+    Args:
+        link: open link to the arm.
+
+    Returns:
+        The sentence; empty if all three are arrays of shape (n,) with finite numbers.
+    """
+    count, robot = len(link.description.joints), link.description.name
+    for name in ("joint_positions", "joint_velocities", "joint_targets"):
+        values = getattr(link, name)()
+        if np.shape(values) != (count,) or not np.isfinite(np.asarray(values, dtype=float)).all():
+            joints = f"{count} joint{'s' * (count != 1)}"
+            return f"its {name}() is {values}, where {robot} has {joints}: one finite number for each, shape ({count},)"
+    return ""
+
+
 def check_arrived(link: Link) -> None:
     """Raises ``MotionError`` if the arm does not stand where it was last sent, measured after a motion has ended."""
     if problem := apart(link):

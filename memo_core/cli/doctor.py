@@ -23,7 +23,7 @@ from memo_core.cli.faults import FAULTS
 from memo_core.cli.options import Json
 from memo_core.cli.output import print_json
 from memo_core.errors import MemoError
-from memo_core.plugins.installing import install
+from memo_core.plugins.installing import EXTRAS, install
 
 if TYPE_CHECKING:
     from memo_core.plugins.not_installed import Uninstalled
@@ -150,10 +150,7 @@ def _brought(one: Uninstalled) -> str:
 
 
 def _extras() -> Iterator[Finding]:
-    for extra, use, modules in (
-        ("arm", "moving a robot", ("pinocchio", "coal", "ruckig", "scipy")),
-        ("video", "videos", ("imageio_ffmpeg", "PIL")),
-    ):
+    for extra, (use, modules) in EXTRAS.items():
         lacking = [module for module in modules if importlib.util.find_spec(module) is None]
         if lacking:
             state = "missing" if extra == "arm" else "optional"

@@ -95,9 +95,19 @@ def _guarded_run(given: list[str], debug: bool, interrupt: Interrupt) -> int:
         if not whose and (problem := unwritable(error)):
             _say(f"{problem} (name another place, or make room and access there)")
             return 1
+        if isinstance(error, ModuleNotFoundError) and (missing := _needed(error)):
+            _say(missing)
+            return 1
         whose = whose or "a bug"
         _say(f"unexpected {type(error).__name__}: {' '.join(str(error).split())} ({whose}; memo --debug shows where)")
         return 70
+
+
+def _needed(error: ModuleNotFoundError) -> str:
+    """Say what needs the missing module and how to install it; empty where that is not known."""
+    from memo_core.plugins.installing import needed
+
+    return needed((error.name or "").partition(".")[0])
 
 
 def _say(line: str) -> None:

@@ -244,8 +244,8 @@ class Narrator:
 
     def _on_RunEnded(self, event: RunEnded) -> None:
         verdict = {
-            True: "[bold green]success[/] by the task's own check",
-            False: "[bold red]no success[/] by the task's own check",
+            True: f"[bold green]success[/] by {event.judge}",
+            False: f"[bold red]no success[/] by {event.judge}",
             None: "[bold]not judged[/]",
         }[event.success]
         self.console.print(f"\n{verdict} ({event.wall_s:.1f} s). Why the run ended: {escape(event.reason)}")

@@ -112,12 +112,12 @@ def _check_free(scaffold: Scaffold, name: str) -> None:
         if name in COMMANDS or name in {point.name for point in plugin_commands()}:
             raise InvalidArgument("NAME", f"there is a command {name!r} already", "another name")
         return
+    from memo_core.plugins.installing import released
     from memo_core.plugins.registry import Registry
 
     registry = Registry()
     for backend in registry.backends(scaffold.backend_kind):
         if name == backend.name or name in backend.aliases:
             owner = registry.plugin_of(backend).distribution
-            right = f"another name, or pip uninstall {owner}"
-            right += " (or edit the .urdf in its folder)" if scaffold.kind == "robot" else ""
+            right = "another name" if owner in released() else f"another name, or pip uninstall {owner} to begin anew"
             raise InvalidArgument("NAME", f"{owner} has a {scaffold.backend_kind} {name!r} already", right)

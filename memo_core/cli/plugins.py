@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,7 +10,7 @@ import typer
 
 from memo_core.cli.options import Json
 from memo_core.cli.output import note, print_json, print_table, print_wrapped
-from memo_core.errors import InvalidArgument
+from memo_core.errors import InvalidArgument, MemoError
 
 if TYPE_CHECKING:
     from memo_core.interfaces.backend import Backend
@@ -82,11 +83,16 @@ def check(
     html: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Also write a page about a robot, with pictures.")
     ] = None,
+    driven: Annotated[
+        str, typer.Option("--robot", metavar="NAME", help="The arm that a robot driver is checked with: yours.")
+    ] = "",
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask before a device is moved.")] = False,
     json: Json = False,
 ) -> None:
     """Run the conformance suite of its kind on a backend. Exit code 0 when it passes every rule, else 1.
 
-    Robots are also tested in the default simulator. Problems are listed first, one line per cause.
+    Robots are also tested in the default simulator. Problems are listed first, one line per cause. A driver is checked
+    with its default settings: what answers at that address moves.
     """
     from memo_core.plugins.registry import Registry
     from memo_core.testing.plugins import check_backend, find_backends
@@ -96,8 +102,13 @@ def check(
     robot = next((backend for backend in backends if backend.kind == "robot"), None)
     if html is not None and robot is None:
         raise InvalidArgument("--html", f"{name!r} is no robot", "a robot's name")
+    if driven and not any(backend.kind == "robot_driver" for backend in backends):
+        raise InvalidArgument("--robot", f"{name!r} is no robot driver", "robot_driver/NAME")
+    arm = registry.get("robot", driven) if driven else None
+    for backend in backends:
+        _confirm_motion(backend, yes)
     trials: dict[str, RobotTrial] = {}
-    results = [result for backend in backends for result in check_backend(registry, backend, trials=trials)]
+    results = [result for one in backends for result in check_backend(registry, one, trials=trials, arm=arm)]
     if html is not None and robot is not None:
         from memo_core.testing.robot_check.page import write_robot_page
 
@@ -116,6 +127,28 @@ def check(
         print_table(("backend", "rule", "outcome", "why"), [(r.backend, r.rule, r.outcome, r.why) for r in results])
     if broken:
         raise typer.Exit(1)
+
+
+def _confirm_motion(backend: Backend, yes: bool) -> None:
+    """Ask before the rules for a driver move what answers at its default address, unless that is this computer."""
+    from memo_core.cli.robot_link import confirmed
+    from memo_core.interfaces.driver import GripperDriver, RobotDriver
+
+    if backend.kind not in ("robot_driver", "gripper_driver"):
+        return
+    try:
+        driver = backend.factory(backend.config())
+    except (MemoError, TypeError):
+        return  # the rules say so
+    address = driver.address if isinstance(driver, RobotDriver) else ""
+    still = (
+        driver.simulated if isinstance(driver, RobotDriver) else isinstance(driver, GripperDriver) and driver.included
+    )
+    if not still and not re.search(r"\b(localhost|127\.\d+\.\d+\.\d+)\b|\[?::1\b", address):
+        where = f" ({address})" if address else ""
+        confirmed(
+            f"The rules connect to what answers at the default address of {backend.name}{where}, and move it.", yes
+        )
 
 
 def _missing(backend: Backend) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated
@@ -33,8 +34,9 @@ def check(config: ConfigFile = None, overrides: Overrides = None, json: Json = F
 
     experiment = hardware(config, overrides)
     driver, gripper, robot = (experiment.create(kind) for kind in ("robot_driver", "gripper_driver", "robot"))
-    settings, perception = experiment.section("hardware"), experiment.create("perception")
-    found = [*examine_host(), *examine_robot(driver, gripper, robot, settings, perception)]
+    settings = experiment.section("hardware")
+    looking = functools.partial(experiment.create, "perception")
+    found = [*examine_host(), *examine_robot(driver, gripper, robot, settings, looking)]
     if json:
         print_json({"checks": [attrs.asdict(one) for one in found]})
     else:

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import builtins
 import keyword
+import os
 import re
+import shutil
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
@@ -14,7 +17,8 @@ import attrs
 
 from memo_core.errors import InvalidArgument
 from memo_core.plugins.installing import install
-from memo_core.robot.urdf.reading import with_meshes_found
+from memo_core.robot.urdf.reading import find_mesh, read_urdf, with_meshes_found
+from memo_core.robot.urdf.units import check_units
 from memo_core.robot.urdf.xacro_expansion import expand_xacro, is_xacro
 
 
@@ -221,7 +225,12 @@ class RobotSource:
             if not folder.is_dir():
                 raise InvalidArgument("--mesh-folder", f"{folder} is no folder", "one that holds meshes")
         folders = [self.urdf.resolve().parent, *(folder.resolve() for folder in self.mesh_folders)]
-        found = with_meshes_found(self._text(), [str(folder) for folder in folders], self.skip_missing_meshes)
+        text, near = self._text(), [str(folder) for folder in folders]
+        try:
+            found = with_meshes_found(text, near, self.skip_missing_meshes)
+        except InvalidArgument as missing:
+            _check_the_rest(with_meshes_found(text, near, skip_missing=True).text, near[0], missing)
+            raise
         places = dict.fromkeys((name.rpartition("/")[0], str(path.parent)) for name, path in found.moved)
         lines = [f"meshes of {named} found in {place}" for named, place in places]
         lines += [f"visual left out, its mesh was not found (--mesh-folder DIR): {name}" for name in found.unseen]
@@ -246,7 +255,7 @@ def write_scaffold(kind: str, name: str, folder: Path, urdf: Path | RobotSource 
     scaffold = SCAFFOLDS[kind]
     scaffold.check_name(name)
     source = RobotSource(urdf) if isinstance(urdf, Path) else urdf
-    files, notes = _robot_files(name, source) if kind == "robot" else (rendered(kind, name), ())
+    files, copies, notes = _robot_files(name, source) if kind == "robot" else (rendered(kind, name), {}, ())
     written = []
     try:
         for target, text in files.items():
@@ -254,12 +263,18 @@ def write_scaffold(kind: str, name: str, folder: Path, urdf: Path | RobotSource 
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8")
             written.append(path)
+        for target, file in copies.items():
+            path = folder / target
+            path.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(file, path)
     except OSError as error:
         raise InvalidArgument("--folder", f"{folder}: {error.strerror}", "a folder that can be written") from None
     if kind == "task":
         item, place = _things(name)
         shown = f"a 4 cm block, called {item!r}, to put on a flat mat, called {place!r}"
         notes = (f"it is {shown}, so far: scene, goal, check and solution are yours to change",)
+    if kind in ("driver", "gripper"):
+        notes = ("memo plugins check connects to what answers at the driver's default address, and moves it",)
     return Written(tuple(written), notes)
 
 
@@ -343,7 +358,8 @@ def _variable(label: str, otherwise: str) -> str:
     return word if usable else otherwise
 
 
-def _robot_files(name: str, source: RobotSource | None) -> tuple[dict[str, str], tuple[str, ...]]:
+def _robot_files(name: str, source: RobotSource | None) -> tuple[dict[str, str], dict[str, Path], tuple[str, ...]]:
+    """The texts of a new robot's files and the meshes to copy, by path, and what its author should know."""
     if source is None:
         text = resources.files("memo_core.cli.skeletons").joinpath("robot/example.urdf").read_text(encoding="utf-8")
         meshes: str | None = None
@@ -357,18 +373,42 @@ def _robot_files(name: str, source: RobotSource | None) -> tuple[dict[str, str],
         raise InvalidArgument("robot", f"reading a URDF needs {error.name}", "memo-core with its extra `arm`") from None
     hand, mass = (False, None) if source is None else (source.plain_hand, source.total_mass)
     described = describe_urdf(text, name, meshes, hand, mass)
-    if "<mesh" not in text:
-        described = attrs.evolve(described, robot=attrs.evolve(described.robot, mesh_folder=None))
-        meshes = None
+    package, urdf, copies = f"memo_{name.replace('-', '_')}", described.robot.urdf, dict[str, Path]()
+    if meshes is not None and "<mesh" in urdf:
+        urdf, copies = _with_own_meshes(urdf, meshes)
     code = described.source()
-    more = {"read": described.read, "source": code, "mesh_folder": repr(meshes), "turned": described.turned}
+    more = {"read": described.read, "source": code, "meshes": bool(copies), "turned": described.turned}
     names = ("GripperDescription", "JointDescription", "RobotDescription")
     used = [name for name in names if f"{name}(" in code] + (["turned_by"] if described.turned else [])
     more["imports"] = ", ".join(sorted(["Backend", "Mounting", "Pose", "hookimpl", *used]))
     files = rendered("robot", name, **more)
-    files[f"memo_{name.replace('-', '_')}/{name}.urdf"] = described.robot.urdf
+    files[f"{package}/{name}.urdf"] = urdf
     notes = [*described.read, *found, *(f"guessed {one.what}: {one.value} ({one.why})" for one in described.guessed)]
-    return files, tuple(notes)
+    if copies:
+        notes.append(f"{len(copies)} meshes copied to {package}/meshes; their licence is that of the URDF's maker")
+    return files, {f"{package}/{target}": file for target, file in copies.items()}, tuple(notes)
+
+
+def _check_the_rest(text: str, folder: str, missing: InvalidArgument) -> None:
+    """Raise ``missing`` together with what else is wrong in a URDF, read without the meshes that are missing."""
+    try:
+        check_units(text, read_urdf(text, folder))
+    except InvalidArgument as error:
+        problem = f"{missing.problem}; apart from that, {error.argument}: {error.problem}"
+        raise InvalidArgument(missing.argument, problem, f"{missing.expected}; {error.expected}") from None
+
+
+def _with_own_meshes(urdf: str, folder: str) -> tuple[str, dict[str, Path]]:
+    """The URDF text with its meshes in the plugin's folder ``meshes``, and the files to copy, by their path there."""
+    root = ElementTree.fromstring(urdf)
+    found = [(mesh, find_mesh("URDF", mesh.get("filename", ""), folder)) for mesh in root.iterfind(".//geometry/mesh")]
+    above = os.path.commonpath([str(file.parent) for _, file in found])
+    copies = {}
+    for mesh, file in found:
+        name = f"meshes/{file.relative_to(above)}"
+        mesh.set("filename", name)
+        copies[name] = file
+    return ElementTree.tostring(root, encoding="unicode"), copies
 
 
 def _hyphenated(name: str) -> str:

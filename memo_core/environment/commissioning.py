@@ -33,6 +33,7 @@ _LOWEST = 0.15  # m above the base frame's origin, to stay clear of a table
 _SHARES = (1.0, 0.85, 0.7, 0.55, 0.4)  # of the way from the workspace's middle to a corner that are tried
 _LIFT = 0.05  # m
 _GRIP = 20.0  # N
+_CORNERS = 8  # of the workspace
 
 
 class Operator(Protocol):
@@ -71,6 +72,12 @@ class Commissioning:
         changed = [name for name in {**then, **now} if then.get(name) != now.get(name)]
         return "; ".join(f"{name} was {then.get(name)}, is {now.get(name)}" for name in changed)
 
+    @property
+    def left_out(self) -> str:
+        """The steps that were left out or did not succeed; empty if there are none."""
+        steps = [f"{len(self.corners)} of {_CORNERS} corners reached"] if len(self.corners) < _CORNERS else []
+        return ", ".join([*steps, *(() if self.lifted else ("the gripper did not hold a cube",))])
+
     def write(self, file: Path) -> None:
         file.write_text(json.dumps(attrs.asdict(self), indent=1) + "\n", encoding="utf-8")
 
@@ -86,11 +93,13 @@ def read_commissioning(file: Path) -> Commissioning:
     raise InvalidArgument("hardware.commissioning", problem, "the file that memo robot commission wrote")
 
 
-def check_commissioning(file: Path, robot: RobotDescription, address: str, link: Link) -> None:
-    """Raises ``BackendUnavailable`` where the robot is not the one that was commissioned."""
-    if changed := read_commissioning(file).differences(robot, address, link):
+def check_commissioning(file: Path, robot: RobotDescription, address: str, link: Link) -> Commissioning:
+    """Read the file and compare it with the robot. Raises ``BackendUnavailable`` where the robot is not the one that was commissioned."""
+    commissioned = read_commissioning(file)
+    if changed := commissioned.differences(robot, address, link):
         problem = f"it is not as it was commissioned ({file}): {changed}"
         raise BackendUnavailable("robot", address, problem, "memo robot commission")
+    return commissioned
 
 
 def tool_of(robot: RobotDescription) -> list[float]:

@@ -56,6 +56,7 @@ class HardwareSettings:
 class HardwareEnvironment(TaskEnvironment):
     """A task performed by a real robot."""
 
+    judge = "the person who watched"
     time_limit = math.inf  # the robot's clock continues while people think
 
     def __init__(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import platform
 import resource
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Literal
 
@@ -62,11 +62,14 @@ def examine_robot(
     gripper: GripperDriver,
     robot: RobotDescription,
     settings: HardwareSettings,
-    perception: Perception | None = None,
+    perception: Callable[[], Perception] | None = None,
     listening_s: float = LISTENING_S,
 ) -> Iterator[Check]:
     """Connect, listen for a while, look once, and tell how the robot is. It ends with the first thing that prevents the
-    rest. ``perception`` comes unopened."""
+    rest. ``perception`` makes it, unopened; an error that it raises is what the row of the cameras says."""
+    from memo_core.arm.guarded_link import COUNTED
+    from memo_core.arm.settling import uncounted
+
     lease = Lease(driver.address)
     try:
         lease.take()
@@ -79,6 +82,9 @@ def examine_robot(
         yield Check("connection", "ok", f"{robot.name} at {driver.address}")
         health = link.health()
         yield Check("health", "ok" if health.ready else "failed", health.problem or "ready")
+        if problem := uncounted(link):
+            yield Check("positions", "failed", problem, COUNTED)
+            return
         yield _listened(link, listening_s)
         for name, value in link.particulars().items():
             yield Check(name, "ok", value)
@@ -166,20 +172,24 @@ def _commissioned(link: Link, robot: RobotDescription, address: str, file: str |
         remedy = "memo robot commission, and hardware.commissioning: the file that it writes"
         return Check("commissioning", "warning", "not commissioned, or no file of it is named", remedy)
     try:
-        check_commissioning(Path(file).expanduser(), robot, address, link)
+        left_out = check_commissioning(Path(file).expanduser(), robot, address, link).left_out
     except BackendUnavailable as error:
         return Check("commissioning", "failed", error.reason, error.remedy)
     except InvalidArgument as error:
         return Check("commissioning", "failed", error.problem, error.expected)
+    if left_out:
+        remedy = "memo robot commission, with these steps, before a program needs them"
+        return Check("commissioning", "warning", f"as in {file}, but {left_out}", remedy)
     return Check("commissioning", "ok", f"as in {file}")
 
 
-def _seen(link: Link, robot: RobotDescription, perception: Perception) -> Check:
+def _seen(link: Link, robot: RobotDescription, make: Callable[[], Perception]) -> Check:
     """One look with the cameras."""
     from memo_core.arm.inverse_kinematics import Kinematics
 
     kinematics = Kinematics(robot)
     try:
+        perception = make()
         perception.open()
         try:
             rng = np.random.default_rng(0)

@@ -27,6 +27,7 @@ class TaskEnvironment(ABC):
     closed, also when opening fails half-way."""
 
     control: Control
+    judge = "the task's own check"  # whose verdict ``conclude`` returns
 
     def __init__(
         self, task: Task, seed: int, robot: RobotDescription, perception: Perception, control: ControlFactory | None

@@ -27,6 +27,12 @@ _NAME = re.compile(r"\s*([A-Za-z0-9][A-Za-z0-9._-]*)\s*(\[[^]]*\])?([^;]*)")
 _IMPORTABLE = (".py", ".so", ".pyd")
 
 
+EXTRAS = {  # of memo-core, with their use and their modules
+    "arm": ("moving a robot", ("pinocchio", "coal", "ruckig", "scipy")),
+    "video": ("writing videos", ("imageio_ffmpeg", "PIL")),
+}
+
+
 @attrs.frozen
 class Damage:
     """Files of an installed distribution that are gone; ``remedy`` is the command that brings them back."""
@@ -68,6 +74,24 @@ def install(wanted: str, module: str = "") -> str:
         return reinstall(name, module)
     requirement = _requirement(name)
     return pip_install(requirement) if requirement else f"install {wanted}"
+
+
+def needed(module: str) -> str:
+    """Say what needs a module that cannot be imported, and the command that installs it.
+
+    Args:
+        module: name of the module, such as ``pinocchio``.
+
+    Returns:
+        The sentence; empty for a module that neither the core nor one of ``EXTRAS`` brings.
+    """
+    for extra, (use, modules) in EXTRAS.items():
+        if module in modules:
+            return f"{use} needs the Python module {module} ({install(f'memo-core[{extra}]')})"
+    required = importlib.metadata.requires("memo-core") or ()
+    if _normal(module) in {_normal(_parts(text)[0]) for text in required if "extra ==" not in text}:
+        return f"memo-core needs the Python module {module} ({install('memo-core')})"
+    return ""
 
 
 def install_folder(folder: Path, extra: str = "") -> str:

@@ -327,6 +327,7 @@ class _Ended:
 
     result: RunResult | None = None
     outcome: Outcome | None = None
+    judge: str = ""  # whose verdict the outcome is
     sim_s: float = 0.0
     problem: str = ""
     final: bool = False  # whatever the problem is, going on would not help
@@ -486,7 +487,7 @@ class _Run:
         self.budget.close()
         over = self.ended.over
         report = self._report(resumable=not over and self.log.begun)
-        self.tell(_run_ended(report))
+        self.tell(_run_ended(report, self.ended.judge))
         self.folder.write_json("summary.json", report.summary())
         if over:  # last: a run that says it is over is not resumed, so it must have its summary
             self.log.end(over)
@@ -631,6 +632,7 @@ class _Run:
         finally:
             filmed.close()
             ended.sim_s = world.time()
+            ended.judge = world.judge
             ended.outcome = world.conclude(ended.result.verdict if ended.result else "unobserved")
 
     def _note_book(self, book: Skillbook) -> None:
@@ -652,7 +654,7 @@ def _put_in_order(folder: Path, part: int) -> None:
     clear_unfinished(folder)
 
 
-def _run_ended(report: RunReport) -> RunEnded:
+def _run_ended(report: RunReport, judge: str) -> RunEnded:
     return RunEnded(
         run=report.run,
         success=None if report.outcome is None else report.outcome.success,
@@ -664,4 +666,5 @@ def _run_ended(report: RunReport) -> RunEnded:
         completion_tokens=report.completion_tokens,
         cost=report.cost,
         cached_tokens=report.cached_tokens,
+        judge=judge,
     )

@@ -15,7 +15,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from memo_core.arm.settling import apart
+from memo_core.arm.settling import apart, uncounted
 from memo_core.errors import BackendUnavailable, InvalidArgument, Stopped
 from memo_core.interfaces.link import Link
 from memo_core.scene.pose import Array
@@ -57,12 +57,8 @@ def _refused(action: Callable[[], object], what: str) -> None:
 @rule
 def one_value_per_joint(make: MakeLink) -> None:
     """Positions, velocities and targets are finite and have one value per joint of the description."""
-    link = make()
-    count = len(link.description.joints)
-    for name in ("joint_positions", "joint_velocities", "joint_targets"):
-        values = getattr(link, name)()
-        assert np.shape(values) == (count,), f"{name}() has shape {np.shape(values)}, not ({count},)"
-        assert np.all(np.isfinite(values)), f"{name}() is not finite: {values}"
+    problem = uncounted(make())
+    assert not problem, problem
 
 
 @rule

@@ -88,10 +88,15 @@ def find_backends(registry: Registry, name: str) -> tuple[Backend, ...]:
 
 
 def check_backend(
-    registry: Registry, backend: Backend, settings: Any = None, trials: dict[str, RobotTrial] | None = None
+    registry: Registry,
+    backend: Backend,
+    settings: Any = None,
+    trials: dict[str, RobotTrial] | None = None,
+    arm: Backend | None = None,
 ) -> Iterator[Result]:
     """Run the rules for every kind, then the suite of this one, on the backend's default settings or those given.
-    ``trials`` receives, under ``KIND/NAME``, what was tried of a robot."""
+    ``trials`` receives, under ``KIND/NAME``, what was tried of a robot. ``arm``: the robot that a robot driver is
+    checked with; None: one of one joint."""
     name = f"{backend.kind}/{backend.name}"
     for rule, check in GENERAL.items():
         result = _run(name, rule, functools.partial(check, registry, backend))
@@ -122,7 +127,10 @@ def check_backend(
         return
     if backend.kind == "simulator" and not make().any_scene:
         suite = importlib.import_module("memo_core.testing.own_scenes")
-    checks = {rule: functools.partial(conforms, make) for rule, conforms in _rules_of(suite, backend.kind).items()}
+    rules = _rules_of(suite, backend.kind)
+    if arm is not None and backend.kind == "robot_driver":
+        rules = suite.rules_for(arm.factory(arm.config()))
+    checks = {rule: functools.partial(conforms, make) for rule, conforms in rules.items()}
     if backend.kind == "suite":  # one mistake in a scene breaks nearly every rule, with the same words
         yield from _in_turn(name, checks, suite.FOLLOWS)
         return

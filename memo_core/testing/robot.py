@@ -15,7 +15,7 @@ from typing import Any
 import attrs
 import numpy as np
 
-from memo_core.errors import InvalidArgument
+from memo_core.errors import InvalidArgument, close_match
 from memo_core.robot.description import RobotDescription
 from memo_core.robot.finger_linkage import FingerLinkage
 from memo_core.robot.urdf.reading import Urdf, link_poses, read_urdf
@@ -82,11 +82,11 @@ def names_are_those_of_the_urdf(make: Make) -> None:
     urdf = _read(robot)
     joints = {joint.name: joint for joint in urdf.joints}
     for name in (*robot.joint_names, *robot.gripper.finger_joints):
-        assert name in joints, f"no joint {name!r}"
+        assert name in joints, f"no joint {name!r}{close_match(name, joints)}"
         assert joints[name].kind != "fixed", f"{name!r} is fixed"
     links = (*robot.gripper.pads, robot.tool_link, *(link for pair in robot.allowed_contacts for link in pair))
     for name in links:
-        assert name in urdf.links, f"no link {name!r}"
+        assert name in urdf.links, f"no link {name!r}{close_match(name, urdf.links)}"
 
 
 @rule
@@ -292,9 +292,10 @@ def the_reach_is_that_of_the_links(make: Make) -> None:
     assert out <= robot.reach, f"home is {out:.3f} m out, reach {robot.reach} m"
 
 
-# Numbers in other units break what is computed from them: only the units are told then.
+# Names that are not there, and numbers in other units, break what is computed from them: only these are told then.
 for _name in list(RULES)[2:]:
-    FOLLOWS[_name] = (*FOLLOWS.get(_name, ()), the_urdf_is_in_rad_m_and_kg.__name__)
+    _first = (names_are_those_of_the_urdf.__name__, the_urdf_is_in_rad_m_and_kg.__name__)
+    FOLLOWS[_name] = (*FOLLOWS.get(_name, ()), *_first)
 
 
 def wrong_robots(right: RobotDescription) -> dict[str, RobotDescription]:

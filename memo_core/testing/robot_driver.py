@@ -13,7 +13,7 @@ from collections.abc import Callable
 import attrs
 import numpy as np
 
-from memo_core.arm.settling import apart
+from memo_core.arm.settling import apart, uncounted
 from memo_core.arm.simulated_link import IncludedGripper
 from memo_core.errors import BackendUnavailable, InvalidArgument, Stopped
 from memo_core.interfaces.driver import GripperDriver, RobotDriver
@@ -51,7 +51,8 @@ def _made_with(make: Make, robot: RobotDescription, gripper: GripperDriver) -> L
         return driver.link(robot, gripper)
     except InvalidArgument as error:
         if error.argument != _GRIPPER_KEY:
-            raise
+            told = f"{error}; that is for memo plugins check --robot NAME"
+            raise BackendUnavailable("robot_driver", type(driver).__name__, told) from None
         return None
 
 
@@ -72,6 +73,18 @@ def making_a_link_connects_nothing(make: Make, robot: RobotDescription) -> None:
     assert isinstance(health, Health) and not health.ready, "an unopened link says that it is ready"
     assert health.problem, "an unopened link does not say why it is not ready"
     assert not gripper.calls, f"making a link called the gripper: {gripper.calls}"
+
+
+@rule
+def each_joint_has_one_finite_value(make: Make, robot: RobotDescription) -> None:
+    """An open link answers for as many joints as the described robot has, or ``link`` refuses the robot."""
+    link = _link(make, robot)
+    link.open()
+    try:
+        problem = uncounted(link)
+        assert not problem, f"{problem}; for a robot of another number link() raises InvalidArgument"
+    finally:
+        link.close()
 
 
 @rule

@@ -30,6 +30,11 @@ class ConnectsAtOnce(FakeDriverLink):
         self.open()
 
 
+class HasOneJointMore(FakeDriverLink):
+    def joint_positions(self) -> Array:
+        return np.append(super().joint_positions(), 0.0)
+
+
 class ClosesOnlyWhenOpen(FakeDriverLink):
     def close(self) -> None:
         assert self._connected, "not open"
@@ -97,6 +102,7 @@ class AsksTheIncludedGripper(FakeDriverLink):
 
 WRONG_DRIVERS: dict[str, type[RobotDriver]] = {
     "making_a_link_connects_nothing": _driver(ConnectsAtOnce),
+    "each_joint_has_one_finite_value": _driver(HasOneJointMore),
     "closing_is_allowed_at_any_time": _driver(ClosesOnlyWhenOpen),
     "an_open_link_is_ready_and_a_closed_one_is_not": _driver(ReadyForEver),
     "a_latched_stop_is_no_health": _driver(DeafToTheStop),

@@ -57,6 +57,20 @@ def test_a_pandas_hand_and_limits_are_those_of_its_own_description():
     assert found.pose(np.array(own.home)).distance(meant.pose(np.array(own.home))) == pytest.approx((0, 0), abs=1e-6)
 
 
+@pytest.mark.parametrize("far", [0.045, 0.005])
+def test_a_plain_hand_sits_where_the_last_links_shapes_end(far):
+    rim = f'<collision><origin xyz="0 0 {far - 0.02}"/><geometry><cylinder radius="0.04" length="0.04"/></geometry>'
+    last = '<joint name="hold" type="fixed"><parent link="tool"/><child link="ring"/></joint>'
+    text = BARE.replace("</robot>", f'<link name="ring">{rim}</collision></link>{last}</robot>')
+    described = describe_urdf(text, "mine")
+    urdf = read_urdf(described.robot.urdf)
+    mount = next(joint for joint in urdf.joints if joint.name == "hand_mount")
+    shifted = far > 0.01
+    assert mount.origin.position == pytest.approx((0, 0, far if shifted else 0.0), abs=1e-6)
+    told = [guess for guess in described.guessed if guess.what == "gripper's place"]
+    assert [guess.value for guess in told] == (["45 mm out"] if shifted else [])
+
+
 def test_a_bare_arm_gets_a_hand_and_is_told_so():
     described = describe_urdf(BARE, "mine")
     guesses = {guess.what: guess for guess in described.guessed}

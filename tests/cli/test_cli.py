@@ -83,6 +83,24 @@ def test_debug_shows_where_wherever_it_stands(tmp_path):
     assert "Traceback" in memo("prompts", "show", "x", env=os.environ | {"MEMO_DEBUG": "1"}).stderr
 
 
+@pytest.mark.parametrize(
+    ("module", "told"),
+    [
+        ("pinocchio", r"moving a robot needs the Python module pinocchio \(.*install.*\[arm\]"),
+        ("PIL.Image", r"writing videos needs the Python module PIL \(.*install.*\[video\]"),
+        ("pydantic_monty", r"memo-core needs the Python module pydantic_monty \(.*pip install .*\)"),
+        ("somewhere", r"unexpected ModuleNotFoundError: No module named 'somewhere' \(a bug"),
+    ],
+)
+def test_a_module_of_an_optional_part_is_named_with_the_command_that_installs_it(monkeypatch, capsys, module, told):
+    def lacks(*_: object) -> None:
+        raise ModuleNotFoundError(f"No module named {module!r}", name=module)
+
+    monkeypatch.setattr("memo_core.cli.prompts.load", lacks)
+    assert run("prompts", "show", "skills") == (70 if "unexpected" in told else 1)
+    assert re.search(told, capsys.readouterr().err)
+
+
 def test_an_unexpected_error_is_a_line_that_says_how_to_see_more(monkeypatch, capsys):
     import memo_core.cli.prompts as prompts
 

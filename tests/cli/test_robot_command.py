@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from contextlib import nullcontext
 
 import numpy as np
@@ -10,8 +11,9 @@ from memo_franka.description import fr3
 
 from memo_core.arm.slow_motion import move_joints
 from memo_core.cli import robot as command
+from memo_core.environment.commissioning import Commissioning, tool_of
 from memo_core.environment.hardware import HardwareSettings
-from memo_core.environment.hardware_check import _started, examine_host, examine_robot
+from memo_core.environment.hardware_check import _commissioned, _started, examine_host, examine_robot
 from memo_core.environment.lease import Lease
 from memo_core.errors import BackendUnavailable, InvalidArgument, MotionError, RobotFault, Stopped
 from memo_core.interfaces.driver import RobotDriver
@@ -101,6 +103,44 @@ def test_targets_away_from_where_the_arm_is_measured_keep_it_from_moving():
     assert examined(Driver())["targets"].state == "ok"
     found = examined(Driver(stands=np.array(ROBOT.home) + 0.57))["targets"]
     assert found.state == "failed" and "its target at" in found.detail and "open()" in found.remedy
+
+
+@pytest.mark.parametrize(
+    ("stands", "told"),
+    [(np.zeros(8), r"fr3 has 7 joints: one finite number for each, shape \(7,\)"), (np.full(7, np.nan), "nan")],
+)
+def test_positions_that_are_not_one_finite_number_a_joint_end_check_and_jog_in_one_sentence(monkeypatch, stands, told):
+    found = examined(Driver(stands=stands))
+    [*_, last] = found.values()
+    assert (last.what, last.state) == ("positions", "failed") and re.search(told, last.detail)
+    driver = Driver(stands=stands, believed=stands)
+    commanded(monkeypatch, driver)
+    with pytest.raises(BackendUnavailable, match=told):
+        command.jog(1, 5.0, None, None, True)
+    assert not driver.links[0].sent
+
+
+def test_cameras_that_cannot_be_made_fail_in_their_own_row():
+    def missing():
+        raise BackendUnavailable("perception", "cameras", "missing Python module lens", "pip install lens")
+
+    settings = HardwareSettings(LIMITS)
+    found = {one.what: one for one in examine_robot(Driver(), FakeGripper(), ROBOT, settings, missing, 0.05)}
+    assert found["targets"].state == "ok" and found["camera images"].state == "failed"
+    assert "missing Python module lens (pip install lens)" in found["camera images"].detail
+
+
+@pytest.mark.parametrize(
+    ("reached", "lifted", "state", "told"),
+    [(8, True, "ok", "as in"), (6, False, "warning", "but 6 of 8 corners reached, the gripper did not hold a cube")],
+)
+def test_what_the_commissioning_left_out_is_named(tmp_path, reached, lifted, state, told):
+    file, link = tmp_path / "arm.json", IdealLink(ROBOT)
+    tool, corners = tool_of(ROBOT), [[0.4, 0.0, 0.3]] * reached
+    stroke = ROBOT.gripper.stroke
+    Commissioning("fr3", "here", "1", "ada", "", tool, stroke, {}, 0.0, [0.0] * 3, corners, lifted).write(file)
+    found = _commissioned(link, ROBOT, "here", str(file))
+    assert found.state == state and told in found.detail
 
 
 def commanded(monkeypatch, driver: Driver, **sections):

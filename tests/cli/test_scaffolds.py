@@ -29,6 +29,7 @@ from memo_core.interfaces.backend import KINDS
 from memo_core.plugins.installing import install
 from memo_core.plugins.registry import Registry
 from memo_core.robot.mounting import base_pose
+from memo_core.robot.urdf.reading import read_urdf
 from memo_core.teachers.goal_check import unseen_goal
 from memo_core.testing.perception import StillWorld
 from memo_core.testing.plugins import check_backend
@@ -162,15 +163,29 @@ def test_a_tasks_things_are_called_after_its_name(name, item, place):
     assert task.check(world, {}).reason.startswith(f"the {item} is ")
 
 
-def test_the_folder_of_meshes_is_written_where_the_urdf_names_some(tmp_path):
+def test_meshes_are_copied_so_that_the_plugin_can_be_moved(tmp_path, monkeypatch):
     text = six_joint_arm().urdf.replace("</robot>", "")
     look = '<link name="look"><visual><geometry><mesh filename="look.stl"/></geometry></visual></link>'
     look += '<joint name="worn" type="fixed"><parent link="link1"/><child link="look"/></joint></robot>'
     (tmp_path / "arm.urdf").write_text(text + look)
     (tmp_path / "look.stl").write_bytes(b"\0" * 80 + (0).to_bytes(4, "little"))
     write_scaffold("robot", "lab-arm", tmp_path / "made", tmp_path / "arm.urdf")
-    source = (tmp_path / "made" / "memo_lab_arm" / "__init__.py").read_text()
-    assert f"MESH_FOLDER = {str(tmp_path.resolve())!r}" in source
+    (tmp_path / "look.stl").unlink()
+    monkeypatch.syspath_prepend(str(tmp_path / "made"))
+    [backend] = importlib.import_module("memo_lab_arm").memo_robots()
+    robot = backend.factory(backend.config())
+    [shape] = read_urdf(robot.urdf, robot.mesh_folder).links["look"].visuals
+    assert Path(shape.mesh) == tmp_path / "made" / "memo_lab_arm" / "meshes" / "look.stl"
+    assert str(tmp_path) not in robot.urdf
+
+
+def test_what_else_is_wrong_is_told_with_the_meshes_that_are_missing(tmp_path):
+    text = six_joint_arm().urdf.replace("</robot>", "")
+    look = '<link name="look"><collision><geometry><mesh filename="look.stl"/></geometry></collision></link>'
+    look += '<joint name="worn" type="hinge"><parent link="link1"/><child link="look"/></joint></robot>'
+    (tmp_path / "arm.urdf").write_text(text + look)
+    with pytest.raises(InvalidArgument, match=r"look\.stl.*joint 'worn': has the type 'hinge'.*--skip-missing"):
+        write_scaffold("robot", "lab-arm", tmp_path / "made", tmp_path / "arm.urdf")
 
 
 def test_an_arm_that_faces_away_from_the_table_is_written_turned(tmp_path):
@@ -316,7 +331,8 @@ def test_meshes_of_another_machine_are_found_in_several_folders_and_it_is_told(t
     for folder in ("one", "two"):
         assert f"meshes of file:///ws/arm/visual found in {tmp_path.resolve() / folder / 'visual'}" in told
     written = (tmp_path / "arm" / "memo_lab_arm" / "lab-arm.urdf").read_text()
-    assert str(tmp_path.resolve() / "one" / "visual" / "a.stl") in written
+    assert 'filename="meshes/one/visual/a.stl"' in written and str(tmp_path) not in written
+    assert (tmp_path / "arm" / "memo_lab_arm" / "meshes" / "two" / "visual" / "b.stl").is_file()
 
 
 @pytest.mark.process
@@ -382,8 +398,8 @@ def test_the_page_of_a_kind_shows_the_plugin_as_it_is_written(page):
 @pytest.mark.parametrize(
     ("kind", "name", "said"),
     [
-        ("llm", "offline", "memo-offline has a llm 'offline' already; expected another name, or pip uninstall"),
-        ("robot", "panda", "pip uninstall memo-franka (or edit the .urdf in its folder)"),
+        ("llm", "offline", "memo-offline has a llm 'offline' already; expected another name\n"),
+        ("robot", "panda", "memo-franka has a robot 'panda' already; expected another name\n"),
         ("teacher", "nobody", "already"),  # a former name
         ("command", "run", "a command 'run' already"),
         ("skills", "import", "a word of Python"),

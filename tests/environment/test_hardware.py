@@ -181,6 +181,8 @@ def test_a_task_is_done_by_a_real_robot_with_a_person_who_releases_and_judges(pe
     script = {"plan": ["LIFT(cube)", "DONE"], "code": [UP], "template": [TEMPLATE]}
     report = run(person, tmp_path, script)
     assert report.success and "the person who watched" in report.outcome.reason and not report.problem
+    *_, ended = (report.folder / "events.jsonl").read_text().splitlines()
+    assert json.loads(ended)["judge"] == "the person who watched"
     [arm] = WireDriver.links
     tool = np.array([0.45, 0.1, 0.35])
     program, episode, whole = person.asked

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import importlib.metadata
 
+import numpy as np
 import pytest
 
 from memo_core.arm.simulated_link import IncludedGripper
 from memo_core.cli import robot as command
+from memo_core.cli.main import main
 from memo_core.config import ConfigErrors, load_experiment
 from memo_core.errors import BackendUnavailable, InvalidArgument
 from memo_core.interfaces.backend import Backend
@@ -16,7 +18,7 @@ from memo_core.plugins.registry import Registry
 from memo_core.runs.factories import environment_of, task_of
 from memo_core.runs.sections import SECTIONS
 from memo_core.testing import gripper_driver, robot_driver
-from memo_core.testing.fake_drivers import FakeDriver, FakeGripper
+from memo_core.testing.fake_drivers import FakeDriver, FakeDriverLink, FakeGripper
 from memo_core.testing.fake_entry_point import FakeEntryPoint
 from memo_core.testing.wrong_drivers import WRONG_DRIVERS, WRONG_GRIPPERS
 
@@ -26,6 +28,43 @@ def test_a_right_robot_driver_conforms_and_a_wrong_one_does_not(rule):
     robot_driver.RULES[rule](FakeDriver)
     with pytest.raises(AssertionError):
         robot_driver.RULES[rule](WRONG_DRIVERS[rule])
+
+
+def test_a_driver_that_ignores_how_many_joints_the_robot_has_breaks_a_rule_and_one_that_refuses_is_not_tried():
+    class Seven(FakeDriverLink):
+        def joint_positions(self):
+            return np.zeros(7)
+
+    class Ignores(FakeDriver):
+        def link(self, robot, gripper, simulator=None):
+            return Seven(robot, gripper)
+
+    class Refuses(FakeDriver):
+        def link(self, robot, gripper, simulator=None):
+            raise InvalidArgument("robot.driver", f"{robot.name!r} has {len(robot.joints)} joints", "an arm of 7")
+
+    rule = robot_driver.RULES["each_joint_has_one_finite_value"]
+    with pytest.raises(AssertionError, match=r"fake has 1 joint: one finite number for each.*link\(\) raises"):
+        rule(Ignores)
+    with pytest.raises(BackendUnavailable, match=r"'fake' has 1 joints; expected an arm of 7.*--robot NAME"):
+        rule(Refuses)
+
+
+@pytest.mark.process
+def test_a_driver_is_checked_with_the_arm_that_is_named_and_a_device_moves_only_after_a_yes(monkeypatch, capsys):
+    monkeypatch.setattr("memo_core.cli.standard_input.answer_to", lambda question: "n")
+    with pytest.raises(SystemExit, match="2"):
+        main(["plugins", "check", "robot_driver/double"])
+    assert "answers at the default address of double (double), and move it" in capsys.readouterr().err
+    counted = []
+    rule = lambda make, robot: counted.append(len(robot.joints))
+    monkeypatch.setattr(robot_driver, "_RULES", {"counts": rule})
+    with pytest.raises(SystemExit, match="0"):
+        main(["plugins", "check", "robot_driver/double", "--robot", "ur5e", "--yes"])
+    assert counted == [6]
+    with pytest.raises(SystemExit, match="2"):
+        main(["plugins", "check", "ur5e", "--robot", "ur5e"])
+    assert "no robot driver" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("rule", gripper_driver.RULES)

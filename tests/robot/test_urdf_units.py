@@ -88,3 +88,18 @@ def test_a_heavy_pedestal_a_quick_wrist_and_a_placeholder_are_plausible():
 
 
 INERTIA = '<inertia ixx="10" iyy="10" izz="10" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+
+
+@pytest.mark.parametrize(
+    ("pattern", "wrong", "told"),
+    [
+        (r'upper="[^"]*"', 'upper="nan"', r"joint 'joint\d': <limit> has upper='nan'; expected a number"),
+        (r'effort="[^"]*"', 'effort="-10"', r"joint 'joint\d': its <limit> has effort='-10'; expected 0"),
+        (r'<origin xyz="[^"]*"', '<origin xyz="0 nan 0"', r"<origin xyz='0 nan 0'>; expected three numbers"),
+    ],
+)
+def test_numbers_that_are_none_and_negative_efforts_are_told_with_their_place(pattern, wrong, told):
+    text, changed = re.subn(pattern, wrong, six_joint_arm().urdf, count=1)
+    assert changed
+    with pytest.raises(InvalidArgument, match=told):
+        read_urdf(text)

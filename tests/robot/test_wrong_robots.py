@@ -213,6 +213,19 @@ def test_a_tool_offset_in_millimetres_is_one_line():
     assert wrong[0].why.endswith("tool_offset looks like millimetres, it is in m")
 
 
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        (attrs.evolve(RIGHT, tool_link="hand_plam"), r"no link 'hand_plam'; did you mean 'hand_palm'\?"),
+        (_joints(0, name="shoulder"), r"no joint 'shoulder'; did you mean 'shoulder_"),
+    ],
+)
+def test_a_name_that_is_not_in_the_urdf_is_told_once(wrong, told):
+    broken = [one for one in check_robot(REGISTRY, "robot/mine", lambda: wrong) if one.outcome == "broken"]
+    assert [one.rule for one in broken] == ["names_are_those_of_the_urdf"]
+    assert re.search(told, broken[0].why), broken[0].why
+
+
 @pytest.mark.sim
 def test_what_is_wrong_with_a_slide_is_told_in_its_units():
     right = describe_urdf(on_a_rail(six_joint_arm().urdf), "railed").robot

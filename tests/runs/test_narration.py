@@ -140,6 +140,13 @@ def test_a_success_that_the_teacher_never_approved_contradicts_nothing():
     assert shown.getvalue().strip() == f"success by the task's own check (3.0 s). Why the run ended: {reason}"
 
 
+def test_the_verdict_on_a_real_robot_is_that_of_the_person_who_watched():
+    shown = io.StringIO()
+    ended = RunEnded("r", True, "done", 3.0, 9.0, judge="the person who watched")
+    Narrator(Console(file=shown, width=200, no_color=True, highlight=False))(ended)
+    assert shown.getvalue().startswith("\nsuccess by the person who watched (3.0 s)")
+
+
 def test_a_replay_tells_recorded_times_and_once_how_the_answers_fit():
     shown, changed = io.StringIO(), "recorded with a prompt that has changed since"
     narrator = Narrator(Console(file=shown, width=200, no_color=True, highlight=False), replay=True)

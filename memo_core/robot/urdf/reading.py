@@ -394,6 +394,9 @@ def _joint(element: ElementTree.Element) -> UrdfJoint:
     if limit is not None:
         keys = ("velocity", "effort") if kind == "continuous" else ("lower", "upper", "velocity", "effort")
         limits = {key: _number(where, limit, key) for key in keys if limit.get(key) is not None}
+        for key in ("velocity", "effort"):
+            if limits.get(key, 0.0) < 0:
+                raise InvalidArgument(where, f"its <limit> has {key}={limit.get(key)!r}", "0 (not stated) or more")
     direction = (1.0, 0.0, 0.0) if axis is None else _vector(where, axis, "xyz")
     length = math.sqrt(sum(v * v for v in direction))
     if kind != "fixed" and length < 1e-9:
@@ -441,15 +444,20 @@ def _colour(material: ElementTree.Element) -> Colour | None:
 def _vector(where: str, element: ElementTree.Element, key: str) -> Vector:
     try:
         x, y, z = (float(v) for v in str(element.get(key)).split())
-    except ValueError as error:
-        raise InvalidArgument(where, f"<{element.tag} {key}={element.get(key)!r}>", "three numbers") from error
+    except ValueError:
+        x = y = z = math.nan
+    if math.isnan(x + y + z):
+        raise InvalidArgument(where, f"<{element.tag} {key}={element.get(key)!r}>", "three numbers")
     return (x, y, z)
 
 
 def _number(where: str, element: ElementTree.Element | None, key: str) -> float:
     value = None if element is None else element.get(key)
     try:
-        return float(str(value))
-    except ValueError as error:
+        number = float(str(value))
+    except ValueError:
+        number = math.nan
+    if math.isnan(number):
         tag = "inertial" if element is None else element.tag
-        raise InvalidArgument(where, f"<{tag}> has {key}={value!r}", "a number") from error
+        raise InvalidArgument(where, f"<{tag}> has {key}={value!r}", "a number")
+    return number
