@@ -69,6 +69,7 @@ class Narrator:
         self._lock = threading.Lock()
         self._writing = ""  # the phase whose answer is on the screen, unfinished
         self._shown_while_written = ""  # the last that was
+        self._problem = ""  # why the last call of a model had no answer
         self._live = False  # whether a person follows the motion, and may want to know what the robot is at
 
     def __call__(self, event: Event) -> None:
@@ -146,7 +147,8 @@ class Narrator:
         if event.cost:
             words += f", ${event.cost:.4f}"
         if event.problem:
-            words += f", no answer: {event.problem}"
+            words += ", no answer" + (f": {event.problem}" if event.problem != self._problem else "")
+        self._problem = event.problem
         of_note = event.cost or event.problem or event.abandoned or self._code or self._replay
         if of_note or event.latency_s >= _TOLD_S:
             self.say(words + (", abandoned" if event.abandoned else ""), "dim")
@@ -239,8 +241,10 @@ class Narrator:
         self.console.print(f"  [{colour}]{status}[/] ({event.attempts} attempt{'s' * (event.attempts != 1)})")
 
     def _on_Problem(self, event: Problem) -> None:
-        if not event.asked:
-            self.say(f"  {event.where}: {event.message}", "yellow")
+        if event.asked:
+            return
+        known = f"{self._problem}; " if self._problem else ""  # said of the call that failed
+        self.say(f"  {event.where}: {event.message.removeprefix(known)}", "yellow")
 
     def _on_RunEnded(self, event: RunEnded) -> None:
         verdict = {
