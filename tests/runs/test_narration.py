@@ -121,7 +121,7 @@ def test_a_server_that_stays_away_is_said_to_once_and_each_retry_in_a_short_line
     for attempt, problem in enumerate((why, "the same again", "the same again"), start=1):
         events += [ModelCalled("plan", "m", 0, 0, None, 0.1, problem=why)]
         events += [Problem("asking for the plan", f"{problem}; asked again in 1.0 s ({attempt} of 3)")]
-    shown = narrated(*events)
+    shown = narrated(*events, width=200)
     assert shown.count(why) == 1
     assert all(f"asked again in 1.0 s ({attempt} of 3)" in shown for attempt in (1, 2, 3))
 
