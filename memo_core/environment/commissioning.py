@@ -94,8 +94,8 @@ def read_commissioning(file: Path) -> Commissioning:
 
 
 def check_commissioning(file: Path, robot: RobotDescription, address: str, link: Link) -> Commissioning:
-    """Read the file and compare it with the robot. Raises ``BackendUnavailable`` where the robot is not the one that was
-    commissioned."""
+    """Read the file and compare it with the robot. Raises ``BackendUnavailable`` where the robot is not the one that
+    was commissioned."""
     commissioned = read_commissioning(file)
     if changed := commissioned.differences(robot, address, link):
         problem = f"it is not as it was commissioned ({file}): {changed}"

@@ -92,8 +92,8 @@ class RobotDescription:
 
     @property
     def position_units(self) -> tuple[str, ...]:
-        """By joint, ``rad``, or ``m`` for a slide, for messages: ``rad`` also where the URDF cannot be read, since what
-        a message is about matters more."""
+        """Units of the joints' positions for messages, ``m`` for a slide; ``rad`` also where the URDF cannot be read,
+        since what a message is about matters more."""
         try:
             joints = read_urdf(self.urdf, self.mesh_folder).joints
         except InvalidArgument:
