@@ -154,7 +154,8 @@ class Checker:
         """Convert a plain value to a type, adding an error to ``issues`` if it does not fit.
 
         An int is accepted as a float, text as a ``Path`` or as the value of an enum, and a list as a tuple or set.
-        Numbers and booleans are read from text only if it comes from an environment variable.
+        Numbers and booleans are read from text only if it comes from an environment variable. What ``--set`` gives a
+        setting that is text is text, also where YAML would read a number or keys in it.
 
         Args:
             value: value as read from a file.
@@ -169,6 +170,8 @@ class Checker:
         """
         if typing.get_origin(wanted) is Annotated:
             wanted = typing.get_args(wanted)[0]
+        if path in self._merged.typed:
+            value = self._typed(self._merged.typed[path], value, wanted, path)
         if isinstance(value, str):
             self._guard_secrets(value, path)
         origin, args = typing.get_origin(wanted), typing.get_args(wanted)
@@ -199,6 +202,24 @@ class Checker:
         if origin in (dict, abc.Mapping) or wanted is dict:
             return self._mapping(value, wanted, args, path)
         return self._scalar(value, wanted, path)
+
+    def _typed(self, words: str, value: Any, wanted: Any, path: Path_) -> Any:
+        """What ``--set`` gives a setting; ``value``: the same read as YAML, or the words if they are not YAML."""
+        kinds = set(typing.get_args(wanted) if typing.get_origin(wanted) in (Union, types.UnionType) else (wanted,))
+        if not kinds <= {str, pathlib.Path, type(None)}:
+            try:
+                read_value(words)
+            except ValueError as error:
+                self.wrong(path, f"the value is not YAML: {error}")
+                raise _Wrong from None
+            return value
+        if isinstance(value, str) or (value is None and (words.strip() or type(None) in kinds)):
+            return value
+        shown: Any = self._merged.shown
+        for part in path[:-1]:
+            shown = shown[part]
+        shown[path[-1]] = words
+        return words
 
     # -- one shape each --------------------------------------------------------------------------------------------
     def _scalar(self, value: Any, wanted: Any, path: Path_) -> Any:

@@ -27,14 +27,15 @@ _ONE_REFERENCE = re.compile(r"\s*\$\{[^${}]*\}\s*")
 @attrs.define
 class Merged:
     """The merged layers: resolved ``values``; ``shown``, the same with the expression in place of values from the
-    environment; the origin of each value; the errors so far; and the paths of values that are one environment
-    variable's, which is text whatever it is meant as."""
+    environment; the origin of each value; the errors so far; the paths of values that are one environment variable's,
+    which is text whatever it is meant as; and what ``--set`` gives a path before it is read as YAML."""
 
     values: dict[str, Any]
     shown: dict[str, Any]
     origins: dict[Path_, Origin]
     issues: list[Issue]
     from_environment: frozenset[Path_] = frozenset()
+    typed: dict[Path_, str] = attrs.field(factory=dict)
 
     def origin(self, path: Path_) -> Origin:
         """Origin of the value itself or, if it is absent, of the nearest enclosing section."""
@@ -62,6 +63,7 @@ def merge(file: Path | None, overrides: Sequence[str] = (), defaults: dict[str, 
     base = Source(dict(defaults or {}), {(name,): DEFAULT for name in defaults or {}})
     layers = [base, *(_with_bases(file, str(file), ()) if file is not None else [])]
     layers.append(_overrides(overrides))
+    typed = dict(layers[-1].typed)
     layers[1:1] = _preset(layers)
     issues = [issue for layer in layers for issue in layer.issues]
     for layer in layers:
@@ -74,7 +76,7 @@ def merge(file: Path | None, overrides: Sequence[str] = (), defaults: dict[str, 
     if file is not None:
         origins.setdefault((), Origin(str(file)))
     values, shown, failed, from_environment = _resolve([layer.values for layer in stacked], origins)
-    return Merged(values, shown, origins, issues + failed, from_environment)
+    return Merged(values, shown, origins, issues + failed, from_environment, typed)
 
 
 def presets() -> tuple[str, ...]:
@@ -135,7 +137,7 @@ def _overrides(overrides: Sequence[str]) -> Source:
     """The layer of ``--set``. What names a backend is placed before the section's other keys, and a whole section
     before one of its values, whatever their order: otherwise the later option would discard the earlier one."""
     source = Source()
-    placed: list[tuple[tuple[str, ...], Any, Origin]] = []
+    placed: list[tuple[tuple[str, ...], Any, Origin, str | None]] = []
     for override in overrides:
         name, equals, text = override.partition("=")
         parts = tuple(part.strip() for part in name.split("."))
@@ -146,14 +148,20 @@ def _overrides(overrides: Sequence[str]) -> Source:
         try:
             value = read_value(text)
         except ValueError as error:
-            source.issues.append(Issue(origin, ".".join(parts), f"the value is not YAML: {error}"))
-            continue
+            if len(parts) == 1:
+                source.issues.append(Issue(origin, parts[0], f"the value is not YAML: {error}"))
+                continue
+            value = text  # a mistake unless the setting is text, see ``Checker.value``
         if parts == ("extends",):
             source.issues.append(Issue(origin, "extends", "can only be set in a file"))
             continue
-        placed += [(path, leaf, origin) for path, leaf in _keys_of_section(parts, value)]
-    for parts, value, origin in sorted(placed, key=lambda one: 1 if one[0][1:] == ("backend",) else len(one[0])):
+        leaves = _keys_of_section(parts, value)
+        placed += [(path, leaf, origin, text if path == parts else None) for path, leaf in leaves]
+    for parts, value, origin, words in sorted(placed, key=lambda one: 1 if one[0][1:] == ("backend",) else len(one[0])):
         _place(source, parts, value, origin)
+        source.typed.pop(parts, None)
+        if words is not None:
+            source.typed[parts] = words
     return source
 
 

@@ -66,11 +66,13 @@ _Loader.add_implicit_resolver("tag:yaml.org,2002:merge", re.compile(r"^<<$"), ["
 
 @attrs.define
 class Source:
-    """One layer of an experiment: plain values, their origins, and errors."""
+    """One layer of an experiment: plain values, their origins, errors, and what ``--set`` gives a path before it is
+    read as YAML."""
 
     values: dict[str, Any] = attrs.field(factory=dict)
     origins: dict[Path_, Origin] = attrs.field(factory=dict)
     issues: list[Issue] = attrs.field(factory=list)
+    typed: dict[Path_, str] = attrs.field(factory=dict)
 
 
 def read_file(file: Path, shown: str) -> Source:

@@ -109,6 +109,27 @@ def test_an_option_for_one_value_outlives_a_later_one_for_its_section():
     assert later.section("retrieval").cut == 0.9
 
 
+@pytest.mark.parametrize("words", ["{}", "no: {}", "", "12", "[unclosed", "a: b: c", "true", "1e-3", "{name}: slow"])
+def test_what_an_option_gives_a_text_is_taken_literally(words):
+    experiment = load(None, "llm=hosted", f"llm.model={words}", f"perception.note={words}")
+    assert experiment.choice("llm").settings.model == words
+    assert experiment.choice("perception").settings.note == (words or None)
+    assert experiment.public()["llm.model"] == words, "a resumed run reads what is recorded"
+
+
+def test_an_option_gives_a_text_quotes_and_null_as_yaml_does():
+    assert load(None, 'perception.note="{}: 1"').choice("perception").settings.note == "{}: 1"
+    assert load(None, "perception.note=null").choice("perception").settings.note is None
+    with pytest.raises(ConfigErrors, match=r"llm\.model: missing value; expected text"):
+        load(None, "llm=hosted", "llm.model=null")
+
+
+@pytest.mark.parametrize("option", ["perception.labels=[a, b", "perception.width=[1", "perception.noise={position: 1"])
+def test_an_option_that_is_not_yaml_is_a_mistake_where_no_text_is_wanted(option):
+    with pytest.raises(ConfigErrors, match="not YAML"):
+        load(None, option)
+
+
 def test_without_a_file_the_plugins_defaults_are_taken():
     experiment = load()
     assert experiment.choice("llm").backend.name == "local"
