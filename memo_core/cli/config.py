@@ -71,19 +71,29 @@ def show(file: OptionalFile = None, config: ConfigFile = None, overrides: Overri
 @app.command()
 def explain(
     name: Annotated[
-        str | None, typer.Argument(metavar="[KEY|SECTION]", help="A key (run.attempts, attempts) or a section.")
+        str | None,
+        typer.Argument(
+            metavar="[KEY|SECTION|WORDS]", help="A key (run.attempts, attempts), a section, or words to find."
+        ),
     ] = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
     """Say what settings mean, with type and default; with --config or --set also their value and its origin."""
-    from memo_core.config.explanations import all_settings, settings_named
+    from memo_core.config.explanations import UnknownSetting, all_settings, settings_about, settings_named
 
     registry = load_registry()
-    found = all_settings(registry, _all_sections())
+    known = found = all_settings(registry, _all_sections())
+    about = False
     if name is not None:
-        found = settings_named(name, found)
+        try:
+            found = settings_named(name, known)
+        except UnknownSetting:
+            found = settings_about(name, known)
+            if not found:
+                raise
+            about = True
     values: dict[str, ShownValue] = {}
     chosen: dict[str, str] = {}
     if config is not None or overrides:
@@ -94,13 +104,23 @@ def explain(
     if json:
         print_json({"settings": [_explained(one, value) for one, value in zip(found, here, strict=True)]})
         return
+    if about:
+        note(f"memo: no key and no section is called {name!r}; these settings speak of it:")
+        print_table(
+            ("key", "meaning"), [(_headline(one), textwrap.shorten(one.meaning, 70, placeholder="…")) for one in found]
+        )
+        return
     for one, value in zip(found, here, strict=True):
         default = "required" if one.required else f"default {_text(one.default)}"
-        print(one.path + (f" of {one.backend}" if one.backend else "") + f"  ({one.type}; {default})")
+        print(f"{_headline(one)}  ({one.type}; {default})")
         if one.meaning:
             print(textwrap.fill(one.meaning, _WIDTH, initial_indent=_INDENT, subsequent_indent=_INDENT))
         if value is not None:
             print(f"{_INDENT}here: {_text(value.value)}, from {value.origin}")
+
+
+def _headline(one: Setting) -> str:
+    return one.path + (f" of {one.backend}" if one.backend else "")
 
 
 def _value_here(one: Setting, values: dict[str, ShownValue], chosen: dict[str, str]) -> ShownValue | None:

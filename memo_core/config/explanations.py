@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 import types
 import typing
 from collections.abc import Iterator, Mapping
@@ -59,17 +60,20 @@ def settings_named(name: str, settings: tuple[Setting, ...]) -> tuple[Setting, .
 
     Args:
         name: a dotted path (``run.attempts``), a section (``run``), or a part of one without its section
-            (``attempts``).
+            (``attempts``), or a section and one of its backends (``teacher.simulated``).
         settings: those to search, as of ``all_settings``.
 
     Returns:
-        The setting of that path and those under it; if there are none, those with the name within their path.
+        The setting of that path and those under it; if there are none, those of that backend; if there are none,
+        those with the name within their path.
 
     Raises:
         UnknownSetting: if there is none.
     """
     under = tuple(one for one in settings if one.path == name or one.path.startswith(f"{name}."))
-    found = under or tuple(one for one in settings if f".{name}." in f"{one.path}.")
+    section, dot, backend = name.rpartition(".")
+    own = tuple(one for one in settings if one.backend == backend and one.path.startswith(section + dot))
+    found = under or own or tuple(one for one in settings if f".{name}." in f"{one.path}.")
     if found:
         return found
     last = name.rpartition(".")[2]
@@ -78,6 +82,23 @@ def settings_named(name: str, settings: tuple[Setting, ...]) -> tuple[Setting, .
     near = [path for path in paths if path.rpartition(".")[2] in difflib.get_close_matches(last, _last_parts(paths))]
     near = [*difflib.get_close_matches(name, list(dict.fromkeys([*paths, *sections])), n=_NEAREST), *near]
     raise UnknownSetting(name, tuple(dict.fromkeys(near))[:_NEAREST])
+
+
+def settings_about(words: str, settings: tuple[Setting, ...]) -> tuple[Setting, ...]:
+    """The settings whose path or meaning has words, in the singular or plural.
+
+    Args:
+        words: the words, parted by anything but letters and digits; a word of two letters or fewer has to stand alone.
+        settings: those to search, as of ``all_settings``.
+
+    Returns:
+        Those with the most of the words; none if no setting has any of them.
+    """
+    stems = [word if len(word) < 3 else word.removesuffix("s") for word in re.findall(r"[^\W_]+", words.lower())]
+    patterns = [re.compile(rf"(?<![^\W_]){stem}" + (r"(?![^\W_])" if len(stem) < 3 else "")) for stem in stems]
+    has = [sum(bool(one.search(f"{s.path} {s.backend} {s.meaning}".lower())) for one in patterns) for s in settings]
+    most = max(has, default=0)
+    return tuple(one for one, count in zip(settings, has, strict=True) if count == most > 0)
 
 
 def _last_parts(paths: list[str]) -> list[str]:

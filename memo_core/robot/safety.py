@@ -22,22 +22,26 @@ class SafetyLimits:
     """Enforced between the planner and the driver; the planner is given them too, so that it keeps within."""
 
     tool_speed: float = attrs.field(
-        default=0.25, validator=[gt(0.0), le(1.0)], metadata={"help": "most that the tool's centre may move at, m/s"}
+        default=0.25,
+        validator=[gt(0.0), le(1.0)],
+        metadata={"help": "most that a real robot's tool centre may move at, m/s"},
     )
     workspace: list[float] = attrs.field(
         factory=lambda: [-0.2, -0.7, -0.05, 0.85, 0.7, 1.0],
         validator=_box,
-        metadata={"help": "box that the tool's centre stays in: x, y, z of its lowest corner, then of its highest, m"},
+        metadata={
+            "help": "box that a real robot's tool centre stays in: x, y, z of its lowest corner, then of its highest, m"
+        },
     )
     max_force: float = attrs.field(
         default=40.0,
         validator=[gt(0.0), le(100.0)],
-        metadata={"help": "force on the hand beyond what was felt at the start at which a motion ends, N"},
+        metadata={"help": "force on a real robot's hand, beyond that at the start, at which a motion ends, N"},
     )
     joint_margin: float = attrs.field(
         default=0.05,
         validator=[ge(0.0), le(0.5)],
-        metadata={"help": "distance kept from every joint limit, rad (m for a slide)"},
+        metadata={"help": "distance that a real robot keeps from every joint limit, rad (m for a slide)"},
     )
 
     def kept_by(self, robot: RobotDescription) -> RobotDescription:

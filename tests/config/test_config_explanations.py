@@ -72,6 +72,39 @@ def test_an_unknown_name_is_refused_with_the_nearest(settings, name, nearest):
     assert nearest in refused.value.nearest and refused.value.exit_code == 2
 
 
+def test_a_backend_of_a_section_is_explained_by_its_own_keys(settings):
+    found = settings_named("teacher.simulated", settings)
+    assert found and {one.backend for one in found} == {"simulated"}
+    assert {one.path.partition(".")[0] for one in found} == {"teacher"}
+    assert settings_named("robot.driver.franka", settings)[0].backend == "franka"
+
+
+@pytest.mark.parametrize(
+    ("words", "listed"),
+    [
+        ("speed", "hardware.safety.tool_speed"),
+        ("cost", "run.max_cost"),
+        ("limit", "run.time_limit_s"),
+        ("top_k", "retrieval.corrections"),
+        ("notes shown", "retrieval.corrections"),
+    ],
+)
+def test_words_that_are_no_key_list_the_settings_that_speak_of_them(capsys, words, listed):
+    assert run_app(["config", "explain", words]) == 0
+    printed = capsys.readouterr()
+    rows = [line.split()[0] for line in printed.out.splitlines()[2:]]
+    assert listed in rows and len(rows) < 60
+    assert f"no key and no section is called {words!r}" in printed.err
+
+
+def test_limits_of_real_robots_are_said_to_be_of_real_robots(settings):
+    assert all("real robot" in one.meaning for one in settings_named("hardware.safety", settings))
+
+
+def test_help_texts_say_retrieved(settings):
+    assert not [one.path for one in settings if "served" in one.meaning]
+
+
 def test_secrets_are_not_settings(settings):
     secret = {
         field.name

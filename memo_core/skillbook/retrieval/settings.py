@@ -1,4 +1,4 @@
-"""How much is served, and by which score."""
+"""How much is retrieved, and by which score."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class RetrievalSettings:
         default=0.85,
         validator=_cosine,
         metadata={
-            "help": "keys with a smaller r are not served (key), or only by what their entries say (key-and-text)",
+            "help": "keys with a smaller r are not retrieved (key), or only by what their entries say (key-and-text)",
             "paper": "no value in the paper; this one is its authors'",
         },
     )
@@ -113,7 +113,7 @@ class RetrievalSettings:
         default=0.17,
         validator=_share,
         metadata={
-            "help": "below the cut, entries are served whose s is so near the best",
+            "help": "below the cut, entries are retrieved whose s is so near the best",
             "paper": "no effect with ranking: key",
         },
     )
@@ -129,34 +129,37 @@ class RetrievalSettings:
         default=14,
         validator=_count,
         metadata={
-            "help": "entries below the cut are served as long as there are not so many in all",
+            "help": "entries below the cut are retrieved as long as there are not so many in all",
             "paper": "no effect with ranking: key",
         },
     )
     newest: bool = attrs.field(
         default=True,
         metadata={
-            "help": "always serve what each person said last under the subtask's own key, before their older notes",
+            "help": "always retrieve what each person said last under the subtask's own key, before their older notes",
             "paper": "Sec. IV-B: r(q, v) alone",
         },
     )
     notice_harm: bool = attrs.field(
         default=True,
         metadata={
-            "help": "withhold what was corrected when it was served for a like subtask of another key",
+            "help": "withhold what was corrected when it was retrieved for a like subtask of another key",
             "paper": "Sec. IV-B: r(q, v) alone",
         },
     )
     corrections: int = attrs.field(
         default=20,
         validator=_count,
-        metadata={"help": "most corrections served", "paper": "Sec. IV-B: no limit; 1000 is the most that can be set"},
+        metadata={
+            "help": "most notes of corrections shown in a prompt (top-k)",
+            "paper": "Sec. IV-B: no limit; 1000 is the most that can be set",
+        },
     )
     general: int = attrs.field(
         default=10,
         validator=_count,
         metadata={
-            "help": "most general statements served",
+            "help": "most notes of general statements shown in a prompt (top-k)",
             "paper": "Sec. IV-A: all general statements share one key; 1000 is the most that can be set",
         },
     )
@@ -164,7 +167,7 @@ class RetrievalSettings:
         default=0.2,
         validator=_cosine,
         metadata={
-            "help": "general statements less like the subtask are not served",
+            "help": "general statements less like the subtask are not retrieved",
             "paper": "Sec. IV-A: all general statements share one key",
         },
     )
