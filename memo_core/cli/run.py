@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from json import dumps
 from pathlib import Path
-from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -120,7 +119,7 @@ def command(
                 note(f"memo: {report.problem}")
             print(f"kept in {report.folder}")
     if report.resumable:
-        note(f"memo: the run was interrupted; to continue: memo run --resume {quote(str(report.folder))}")
+        note(f"memo: the run was interrupted; to continue: {report.to_resume}")
     if not report.success:
         raise typer.Exit(INTERRUPTED if report.ended_by_person else 1)
 

@@ -7,6 +7,7 @@ import uuid
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import attrs
@@ -20,7 +21,7 @@ from memo_core.interfaces.llm import LanguageModel
 from memo_core.interfaces.perception import names_things
 from memo_core.interfaces.task import Outcome, Task
 from memo_core.interfaces.teacher import Stage, Teacher
-from memo_core.llm.budget import Budget
+from memo_core.llm.budget import Budget, BudgetExceeded
 from memo_core.llm.calls import ModelCalls, Retrying
 from memo_core.llm.kept_calls import ASK, spent_in, usages_in
 from memo_core.llm.prompt_files import Prompts
@@ -91,10 +92,16 @@ class RunReport:
     error: RunError | None = None  # by which it could not be carried out: then it is neither success nor failure
     resumable: bool = False  # it was cut off; `memo run --resume FOLDER` goes on
     cached_tokens: int = 0  # of the prompt tokens, read from the provider's cache
+    limit: str = ""  # key of the limit on spending that cut it off, such as ``run.max_tokens``
 
     @property
     def success(self) -> bool:
         return self.error is None and self.outcome is not None and self.outcome.success
+
+    @property
+    def to_resume(self) -> str:
+        """The command that goes on with a run that was cut off."""
+        return f"memo run --resume {quote(str(self.folder))}" + (f" -s {self.limit}=MORE" if self.limit else "")
 
     @property
     def why(self) -> str:
@@ -324,6 +331,7 @@ class _Ended:
     problem: str = ""
     final: bool = False  # whatever the problem is, going on would not help
     error: RunError | None = None  # as in ``RunReport``
+    limit: str = ""  # as in ``RunReport``
 
     @property
     def over(self) -> str:
@@ -459,10 +467,12 @@ class _Run:
             ended.problem, ended.error = error.told, run_error(error)
             ended.final = ended.error is None
         except Stopped:
-            ended.problem = "ended by a person"
+            signal = self.supervisor.ending_signal
+            ended.problem = f"ended by the signal {signal}" if signal else "ended by a person"
         except MemoError as error:
             ended.problem = str(error)
             ended.error = run_error(error)
+            ended.limit = error.setting if isinstance(error, BudgetExceeded) else ""
         except BaseException as error:
             ended.problem = f"unexpected {type(error).__name__}: {' '.join(str(error).split())}"
             if isinstance(error, Exception) and not self.log.live:
@@ -512,6 +522,7 @@ class _Run:
             error=ended.error,
             resumable=resumable,
             cached_tokens=spent.cached_tokens,
+            limit=ended.limit,
         )
 
     # -- in the worker thread ------------------------------------------------------------------------------------------

@@ -67,6 +67,7 @@ class Supervisor:
         self._last_press = -1e9
         self.presses = 0
         self.ended_by_signal = False  # rather than by the teacher, such as a button on a page
+        self.ending_signal = ""  # name of the one, other than Ctrl-C, that ended the run
         self.prompt_ready: list[float] = []  # monotonic times at which somebody could begin to answer after a stop
 
     @property
@@ -225,6 +226,7 @@ class Supervisor:
     def _on_terminate(self, number: int, frame: FrameType | None) -> None:
         self.end()
         self.ended_by_signal = True
+        self.ending_signal = signal.Signals(number).name
         self._leave_the_prompt()
 
     def _leave_the_prompt(self) -> None:

@@ -162,7 +162,10 @@ def test_a_run_killed_in_every_phase_ends_as_one_that_was_left_alone(place):
         assert not list(run.glob("summary*.json"))
         arguments = ["--resume", str(run.relative_to(cut))]
     poor = memo(cut, [*arguments, "-s", "run.max_tokens=1"])
-    assert "run.max_tokens is 1" in poor.stderr and f"memo run --resume {arguments[1]}" in poor.stderr
+    assert (
+        "run.max_tokens is 1" in poor.stderr
+        and f"memo run --resume {arguments[1]} -s run.max_tokens=MORE" in poor.stderr
+    )
     ended = memo(cut, arguments)
     assert ended.returncode == 1 and "--resume" not in ended.stderr, ended.stderr
     assert kept(cut) == kept(whole)
@@ -194,6 +197,7 @@ def stopped_short(registry, tmp_path_factory) -> tuple[Path, list[str]]:
     chosen = ["teacher.backend=nobody", "run.video=off", "run.subtasks=1", f"skillbook.url={folder / 'book.db'}"]
     report = run_experiment(experiment(registry, [*chosen, "run.max_tokens=300"]), registry, folder / "runs")
     assert report.resumable and "run.max_tokens" in report.problem and report.calls == 1
+    assert report.to_resume == f"memo run --resume {report.folder} -s run.max_tokens=MORE"
     return report.folder, chosen
 
 

@@ -251,7 +251,8 @@ class Impatient(Teacher):
 def test_a_signal_that_ends_a_run_does_so_cleanly_with_everything_saved(number, experiment, registry, tmp_path):
     events = []
     report = do(experiment, registry, tmp_path, teacher=Impatient(number), listener=events.append)
-    assert report.ended_by_person and report.problem == "ended by a person" and report.resumable
+    assert report.ended_by_person and report.problem == f"ended by the signal {number.name}"
+    assert report.resumable
     assert isinstance(events[-1], RunEnded)
     assert json.loads((report.folder / "summary.json").read_text())["ended_by_person"] is True
 

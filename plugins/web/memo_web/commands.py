@@ -92,8 +92,8 @@ def _run(experiment: Experiment, registry: Registry, out: Path) -> bool:
         return True
     verdict = "could not be carried out" if report.error else "done" if report.success else "not done"
     note(f"{report.task}, seed {report.seed}: {verdict} ({report.why}); kept in {report.folder}")
-    if report.ended_by_person:
-        note(f"memo: to continue: memo run --resume {report.folder}")
+    if report.resumable:
+        note(f"memo: to continue: {report.to_resume}")
     return not report.ended_by_signal
 
 
