@@ -188,6 +188,13 @@ def test_an_address_without_a_model_behind_it_is_unreachable(where):
     assert "cannot be reached" in problem.problem and base in problem.problem and problem.usage is None
 
 
+def test_a_web_server_that_is_no_server_of_models_is_said_to_be_none_and_not_asked_again():
+    with Wire([page(501, "Error response")]) as wire:
+        problem = failed(model_at(wire.base))
+    assert problem.cause == "unreachable" and not problem.retryable
+    assert "does not look like an OpenAI-compatible server" in problem.problem and "llm.api_base" in problem.problem
+
+
 def test_a_proxy_that_does_not_connect_makes_a_server_unreachable(monkeypatch):
     with Wire() as proxy:
         monkeypatch.setenv("HTTPS_PROXY", proxy.base)

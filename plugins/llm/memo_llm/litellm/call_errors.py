@@ -106,6 +106,8 @@ def _server_words(line: Line, said: ServerError | None, page: str | None) -> str
 
 def _cause(response: _Response) -> Cause:
     status = response.status
+    if status == 501 and response.page is not None:  # a web server without this method answers alike next time
+        return "unreachable"
     if status >= 500 or (status in _BUSY and not _is_spent(response)):
         return "busy"
     if response.page is not None:
@@ -147,6 +149,7 @@ def _words(cause: Cause, response: _Response, key: str) -> str:
         return f"refuses a question without a key ({status}; set llm.api_key_env to the variable that holds one)"
     if cause == "unreachable":
         what = "sent a page that cannot be read as an answer" if page else "has no model at this address"
+        what += " and does not look like an OpenAI-compatible server" if page else ""
         return f"{what} ({status}; is llm.api_base right, and is no proxy in between?)"
     if status >= 400:
         return f"refuses the question ({status})"
