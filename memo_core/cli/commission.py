@@ -24,7 +24,7 @@ class _AtTheTerminal:
         note(text)
 
     def ready(self, what: str) -> bool:
-        return agreed(f"{what} [y: yes, s: leave it out]")
+        return agreed(f"{what} [y: yes, s: leave it out]", "y or s")
 
     def answer(self, question: str) -> str:
         while not (said := answer_to(question)):

@@ -68,8 +68,7 @@ def confirmed(what: str, yes: bool) -> None:
         yes: do not ask (``--yes``).
 
     Raises:
-        InvalidArgument: if the answer is not yes, or standard input is closed.
-        Stopped: if standard input ends before an answer.
+        InvalidArgument: if the answer is not yes, or standard input is closed or ends before an answer.
     """
     note(f"{what} A hand on the emergency stop, nobody within reach.")
     if yes:

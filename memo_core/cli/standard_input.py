@@ -23,24 +23,27 @@ def answer_to(question: str) -> str:
     return typed.strip()
 
 
-def agreed(question: str) -> bool:
+def agreed(question: str, expected: str = "y or n, typed or through a pipe; --yes asks nothing") -> bool:
     """Ask until the answer is yes or no.
 
     Args:
         question: what is asked, such as ``Go on? [y/n]``.
+        expected: what would be right, for the error where no answer comes.
 
     Returns:
         Whether the answer is yes; Enter is no.
 
     Raises:
-        Stopped: if the input ends before an answer.
-        InvalidArgument: if standard input is closed.
+        InvalidArgument: if standard input is closed, or ends before an answer.
     """
     from memo_core.cli.output import note
     from memo_core.teachers.answers import NO, SILENCES, YES, bare
 
     while True:
-        typed = bare(answer_to(question) or "n")
+        try:
+            typed = bare(answer_to(question) or "n")
+        except (Stopped, InvalidArgument):
+            raise InvalidArgument("the answer", "standard input is closed or at its end", expected) from None
         if typed in YES:
             return True
         if typed in NO | SILENCES:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Callable
 
@@ -180,6 +181,13 @@ def test_nothing_is_asked_of_a_model_that_costs_before_a_person_agrees(capsys, m
         given = ("llm.backend=litellm", "llm.model=openai/x", f"llm.api_base={wire.base}")
         assert memo(*(part for one in given for part in ("--set", one))) == 2
     assert not wire.asked and "nothing was asked" in capsys.readouterr().err
+
+
+def test_where_no_answer_can_come_the_option_that_needs_none_is_named(capsys, monkeypatch):
+    monkeypatch.setattr("sys.stdin", io.StringIO(""))
+    given = ("llm.backend=litellm", "llm.model=openai/x", "llm.api_base=http://127.0.0.1:9/v1")
+    assert memo(*(part for one in given for part in ("--set", one))) == 2
+    assert "--yes" in capsys.readouterr().err
 
 
 # -- prices ------------------------------------------------------------------------------------------------------------
