@@ -22,6 +22,7 @@ FeedbackKind = Literal["correction", "approval", "edit"]  # edit: the text that 
 Status = Literal["pending", "processed", "parked", "kept"]  # kept: nothing is to be made of it (a run of memo-s)
 Outcome = Literal["accepted", "reworded", "struck"]
 
+_SENTENCE = re.compile(r".+?[.!?](?=\s+[A-Z]|$)|.+")
 _WORD = re.compile(r"[^\W\d]+")
 _FUNCTION = re.compile(r'def (\w+)\([^()"\'#]*\)(?: -> \w+)?:\n\s+"""([^"\\]*)"""\s*\n')
 
@@ -115,7 +116,7 @@ def longest_entry(kind: str) -> int:
 
 
 def headline(kind: str, text: str) -> str:
-    """One line of an entry for a list: for a template or function, its name and the first line of its docstring."""
+    """One line of an entry for a list: for a template or function, its name and the first sentence of its docstring."""
     if kind not in ("template", "function"):
         return " ".join(text.split())
     try:
@@ -124,8 +125,9 @@ def headline(kind: str, text: str) -> str:
         functions = []
     if not functions:
         return (text.strip().splitlines() or [""])[0]
-    said = (ast.get_docstring(functions[0]) or "").strip().splitlines()
-    return f"{functions[0].name}: {said[0]}" if said else functions[0].name
+    said = (ast.get_docstring(functions[0]) or "").strip().partition("\n\n")[0]
+    sentence = _SENTENCE.match(" ".join(said.split()))
+    return f"{functions[0].name}: {sentence[0]}" if sentence else functions[0].name
 
 
 @lru_cache(maxsize=20_000)
