@@ -204,7 +204,8 @@ class Checker:
         return self._scalar(value, wanted, path)
 
     def _typed(self, words: str, value: Any, wanted: Any, path: Path_) -> Any:
-        """What ``--set`` gives a setting; ``value``: the same read as YAML, or the words if they are not YAML."""
+        """The value of a setting from ``--set``: its words if the setting is text, else ``value``, the words as YAML. A
+        ``value`` that is text may be words that are not YAML."""
         kinds = set(typing.get_args(wanted) if typing.get_origin(wanted) in (Union, types.UnionType) else (wanted,))
         if not kinds <= {str, pathlib.Path, type(None)}:
             try:

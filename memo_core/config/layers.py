@@ -21,6 +21,7 @@ from memo_core.errors import close_match
 from memo_core.interfaces.backend import KINDS
 from memo_core.text.parsing import resolved
 
+_DRIVERS = (("robot", "driver"), ("robot", "gripper_driver"))  # choices of a backend within the robot's section
 _ONE_REFERENCE = re.compile(r"\s*\$\{[^${}]*\}\s*")
 
 
@@ -63,7 +64,6 @@ def merge(file: Path | None, overrides: Sequence[str] = (), defaults: dict[str, 
     base = Source(dict(defaults or {}), {(name,): DEFAULT for name in defaults or {}})
     layers = [base, *(_with_bases(file, str(file), ()) if file is not None else [])]
     layers.append(_overrides(overrides))
-    typed = dict(layers[-1].typed)
     layers[1:1] = _preset(layers)
     issues = [issue for layer in layers for issue in layer.issues]
     for layer in layers:
@@ -71,12 +71,13 @@ def merge(file: Path | None, overrides: Sequence[str] = (), defaults: dict[str, 
     stacked: list[Source] = []
     for layer in layers:
         _make_room(stacked, layer)
+        _join_drivers(stacked, layer)
         stacked.append(layer)
     origins = {path: origin for layer in stacked for path, origin in layer.origins.items()}
     if file is not None:
         origins.setdefault((), Origin(str(file)))
     values, shown, failed, from_environment = _resolve([layer.values for layer in stacked], origins)
-    return Merged(values, shown, origins, issues + failed, from_environment, typed)
+    return Merged(values, shown, origins, issues + failed, from_environment, layers[-1].typed)
 
 
 def presets() -> tuple[str, ...]:
@@ -135,7 +136,8 @@ def _with_bases(file: Path, shown: str, above: tuple[Path, ...]) -> list[Source]
 
 def _overrides(overrides: Sequence[str]) -> Source:
     """The layer of ``--set``. What names a backend is placed before the section's other keys, and a whole section
-    before one of its values, whatever their order: otherwise the later option would discard the earlier one."""
+    before one of its values, whatever their order: otherwise the later option would discard the earlier one. A driver
+    that is named beside its keys is named by ``backend``."""
     source = Source()
     placed: list[tuple[tuple[str, ...], Any, Origin, str | None]] = []
     for override in overrides:
@@ -157,6 +159,11 @@ def _overrides(overrides: Sequence[str]) -> Source:
             continue
         leaves = _keys_of_section(parts, value)
         placed += [(path, leaf, origin, text if path == parts else None) for path, leaf in leaves]
+    with_keys = {parts[:2] for parts, *_ in placed if len(parts) > 2 and parts[:2] in _DRIVERS}
+    placed = [
+        ((*parts, "backend") if parts in with_keys and isinstance(value, str) else parts, value, *more)
+        for parts, value, *more in placed
+    ]
     for parts, value, origin, words in sorted(placed, key=lambda one: 1 if one[0][1:] == ("backend",) else len(one[0])):
         _place(source, parts, value, origin)
         source.typed.pop(parts, None)
@@ -274,6 +281,32 @@ def _make_room(below: list[Source], layer: Source) -> None:
             other.values.pop(kind, None)
             for path in [path for path in other.origins if path[0] == kind]:
                 del other.origins[path]
+
+
+def _join_drivers(below: list[Source], layer: Source) -> None:
+    """Add keys of a driver to the one that a lower layer names by a word; merged, they would take the word's place.
+    Those of the robot's driver go beside its name, where that layer may have others."""
+    robot = layer.values.get("robot")
+    if not isinstance(robot, dict):
+        return
+    for _, name in _DRIVERS:
+        keys = robot.get(name)
+        robots = [other.values.get("robot") for other in below]
+        named = [one[name] for one in robots if isinstance(one, dict) and name in one]
+        if not isinstance(keys, dict) or "backend" in keys or not named or not isinstance(named[-1], str):
+            continue
+        if name == "gripper_driver":
+            keys["backend"] = named[-1]
+            continue
+        robot |= robot.pop(name)
+        _move(layer.origins, ("robot", name))
+        _move(layer.typed, ("robot", name))
+
+
+def _move(by_path: dict[Path_, Any], section: Path_) -> None:
+    """Move what is under a section to the section around it."""
+    for path in [path for path in by_path if path[: len(section)] == section]:
+        by_path[(*section[:-1], *path[len(section) :])] = by_path.pop(path)
 
 
 def _resolve(

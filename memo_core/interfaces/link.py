@@ -38,7 +38,7 @@ class Link(ABC):
     can_restore: bool = False  # exact restore of the world (a simulator); hardware needs a guided reset
     feels_force: bool = False  # whether it has a ``contact_wrench``
     gives_way: str = (
-        ""  # setting that would make its arm give way to contact, such as "robot.mode=impedance"; empty: none
+        ""  # setting that would make its arm give way to contact, such as "robot.driver.mode=impedance"; empty: none
     )
     commanded_width: float | None = None  # m, opening that the gripper was last sent to; None: not known
     servo_lag: tuple[float, ...] = ()  # s by which each joint's servo lags behind moving targets; empty: not at all

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import attrs
@@ -10,7 +11,7 @@ import pytest
 import yaml
 
 from memo_core.cli.app import run_app
-from memo_core.config.experiment import load_experiment
+from memo_core.config.experiment import DRIVERS, SECTION_KINDS, load_experiment
 from memo_core.config.explanations import UnknownSetting, all_settings, settings_named
 from memo_core.evaluation.sections import ALL_SECTIONS
 from memo_core.plugins.registry import Registry
@@ -113,3 +114,22 @@ def test_secrets_are_not_settings(settings):
         if field.metadata.get("secret")
     }
     assert not secret & {one.path.partition(".")[2] for one in settings}
+
+
+ROOT = Path(__file__).parents[2]
+SECTIONS = "|".join(sorted({*SECTION_KINDS, *ALL_SECTIONS}))
+NAMED = re.compile(rf"(?<![\w./-])((?:{SECTIONS})(?:\.[a-z_]+)+)=")
+
+
+def test_every_setting_that_a_message_or_a_page_names_exists(settings):
+    short = {f"robot.{key}" for key in DRIVERS.values()}
+    known = {one.path for one in settings} | short
+    files = [
+        *ROOT.glob("memo_core/**/*.py"),
+        *ROOT.glob("plugins/**/*.py"),
+        *ROOT.glob("docs/**/*.md"),
+        ROOT / "README.md",
+    ]
+    named = {(name, str(file.relative_to(ROOT))) for file in files for name in NAMED.findall(file.read_text("utf-8"))}
+    assert len(named) > 50
+    assert not sorted(one for one in named if one[0].replace("clustering.llm.", "llm.") not in known)

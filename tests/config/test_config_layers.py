@@ -19,6 +19,7 @@ from memo_core.errors import BackendUnavailable
 from memo_core.interfaces.backend import Backend, Needs
 from memo_core.plugins.hooks import hookimpl
 from memo_core.plugins.registry import NoDefaultBackend, Registry
+from memo_core.policy.consolidation import ClusteringSettings
 from memo_core.testing.fake_entry_point import FakeEntryPoint
 from tests.support.config_backends import Budget, Camera, load, registry
 
@@ -89,15 +90,41 @@ def test_an_option_that_the_backend_chosen_afterwards_does_not_know_is_an_error(
 
 def test_a_key_of_a_value_without_keys_is_an_error_whatever_the_order():
     for overrides in (
-        ("robot.driver.address=a", "robot.driver=franka"),
-        ("robot.driver=franka", "robot.driver.address=a"),
+        ("clustering.llm.model=a", "clustering.llm=offline"),
+        ("clustering.llm=offline", "clustering.llm.model=a"),
     ):
         with pytest.raises(ConfigErrors) as caught:
-            load_experiment(Registry(), None, overrides)
+            load_experiment(Registry(), None, overrides, {"clustering": ClusteringSettings})
         assert str(caught.value) == (
-            "--set: robot.driver.address: robot.driver is set to 'franka', which has no keys; "
-            "a backend is named beside its keys by robot.driver.backend=franka"
+            "--set: clustering.llm.model: clustering.llm is set to 'offline', which has no keys; "
+            "a backend is named beside its keys by clustering.llm.backend=offline"
         )
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_driver_may_be_named_in_short_beside_options_for_its_keys(order):
+    given = ("robot.driver=franka", "robot.driver.address=a", "robot.gripper_driver=wsg", "robot.gripper_driver.port=7")
+    values = load_experiment(Registry(), None, given[::order]).public()
+    assert (values["robot.driver.backend"], values["robot.driver.address"]) == ("franka", "a")
+    assert (values["robot.gripper_driver.backend"], values["robot.gripper_driver.port"]) == ("wsg", 7)
+
+
+@pytest.mark.parametrize(
+    ("robot", "option", "path", "value"),
+    [
+        ("{driver: franka, address: 10.0.0.7}", "robot.driver.mode=impedance", "robot.driver.mode", "impedance"),
+        ("{driver: franka, address: 10.0.0.7}", "robot.driver.address=1", "robot.driver.address", "1"),
+        ("{driver: {backend: franka}}", "robot.driver.mode=impedance", "robot.driver.mode", "impedance"),
+        ("{gripper_driver: wsg}", "robot.gripper_driver.port=7", "robot.gripper_driver.port", 7),
+    ],
+)
+def test_a_key_of_a_driver_is_set_however_a_file_names_the_driver(tmp_path, robot, option, path, value):
+    file = tmp_path / "arm.yaml"
+    file.write_text(f"robot: {robot}")
+    experiment = load_experiment(Registry(), file, [option])
+    assert experiment.public()[path] == value and where(experiment)[path] == "--set"
+    key = "gripper_driver" if "gripper" in path else "driver"
+    assert experiment.choice(f"robot_{key}" if key == "driver" else key).backend.name in robot
 
 
 def test_an_option_for_one_value_outlives_a_later_one_for_its_section():

@@ -153,7 +153,7 @@ def test_a_fault_in_motion_ends_it_with_its_remedy(cell, name, mode, record_prop
     cause, fault, told = IN_MOTION[name]
     error = faulted(cell, cell.link(mode=mode), lambda: cause(cell.box))
     assert error.fault == fault and told in str(error), str(error)
-    assert ("robot.mode=impedance" in str(error)) == (name == "pushed with 40 N" and mode == "velocity")
+    assert ("robot.driver.mode=impedance" in str(error)) == (name == "pushed with 40 N" and mode == "velocity")
     check_rest(cell, cell.box.disturbed, record_property, error)
 
 

@@ -64,7 +64,7 @@ def test_a_cube_is_picked_up_through_the_wire_and_all_is_restored():
 
 def test_in_the_mode_impedance_the_simulator_ticks_at_a_millisecond_by_itself():
     for given, timestep in (("simulator.timestep=0.002",), 0.001), (("simulator.timestep=0.0004",), 0.001 / 3):
-        experiment = experiment_with("robot.mode=impedance", *given)
+        experiment = experiment_with("robot.driver.mode=impedance", *given)
         simulator = environment_of(experiment, task_of(experiment, "stack-the-cubes"), 0).simulator
         assert simulator.control_period == pytest.approx(0.001) and simulator.timestep == pytest.approx(timestep)
     experiment = experiment_with()
@@ -114,7 +114,7 @@ follow_path([[[g + 0.2 * o for g, o in zip(grip, out)], hand]])
     with environment_of(experiment, task_of(experiment, "open-the-fridge"), 0) as world:
         with sandbox_of(experiment) as sandbox:
             execution = run_code(world, pulled, sandbox)
-        assert "12 N are allowed" in execution.error and "robot.mode=impedance" in execution.error
+        assert "12 N are allowed" in execution.error and "robot.driver.mode=impedance" in execution.error
         assert not world.link.box.arm.violations
 
 

@@ -48,7 +48,8 @@ class FrankaLink(Link):
     def __init__(self, settings: FrankaSettings, robot: RobotDescription, gripper: GripperDriver) -> None:
         super().__init__(robot)
         self._settings = settings
-        self.gives_way = "robot.mode=impedance" if settings.mode == "velocity" else ""
+        self.called = settings.address  # the arm, in messages
+        self.gives_way = "robot.driver.mode=impedance" if settings.mode == "velocity" else ""
         self._gripper = gripper
         self._franky: Any = None
         self._robot: Any = None
@@ -95,10 +96,10 @@ class FrankaLink(Link):
             self._control = Scheduling.current()
             return robot
         except franky.RealtimeException as error:
-            remedy = "a PREEMPT_RT kernel and rtprio for your user, or robot.realtime=ignore"
+            remedy = "a PREEMPT_RT kernel and rtprio for your user, or robot.driver.realtime=ignore"
             raise BackendUnavailable("robot_driver", "franka", " ".join(str(error).split()), remedy) from error
         except Exception as error:
-            raise fault_of_error(self._settings.address, error) from error
+            raise fault_of_error(self.called, error) from error
         finally:
             own.take()
 
@@ -108,7 +109,7 @@ class FrankaLink(Link):
         positions = np.array(self._state.q)
         if (outside := (positions < self._lower) | (positions > self._upper)).any():
             worst = int(np.argmax(outside))
-            raise fault(settings.address, "outside", f"{joints[worst].name} at {positions[worst]:.3f} rad")
+            raise fault(self.called, "outside", f"{joints[worst].name} at {positions[worst]:.3f} rad")
         # A wheel that was built for another arm offers that one's limits: never more than either's.
         for name, limit in (("acceleration", robot.joint_acceleration_limit), ("jerk", robot.joint_jerk_limit)):
             limit.set(np.minimum([_SHARE * getattr(joint, name) for joint in joints], limit.max))
@@ -146,7 +147,7 @@ class FrankaLink(Link):
 
     def health(self) -> Health:
         if self._robot is None:
-            return Health(False, f"not connected to {self._settings.address}")
+            return Health(False, f"not connected to {self.called}")
         if self._fault is not None:
             return Health(False, str(self._fault))
         gripper = self._gripper.health()
@@ -288,28 +289,28 @@ class FrankaLink(Link):
             if before is None or self._state.time.to_msec() != before.time.to_msec():
                 break
             if stood > self._settings.clock_timeout_s:
-                raise self._latched(fault(self._settings.address, "clock", f"{stood:.1f} s"))
+                raise self._latched(fault(self.called, "clock", f"{stood:.1f} s"))
             time.sleep(_POLL_S)
         if (wrong := self._told(self._state)) is not None and before is not None:
             raise self._latched(wrong)
         return self._state
 
     def _told(self, state: Any) -> RobotFault | None:
-        return fault_of_state(self._settings.address, state, self.gives_way)
+        return fault_of_state(self.called, state, self.gives_way)
 
     def _check(self) -> None:
         if self._robot is None:
-            raise BackendUnavailable("robot", self._settings.address, "the link is not open", "open()")
+            raise BackendUnavailable("robot", self.called, "the link is not open", "open()")
         if self._fault is not None:
             raise self._fault
         if not (gripper := self._gripper.health()).ready:
-            raise self._latched(fault(self._settings.address, "gripper", gripper.problem))
+            raise self._latched(fault(self.called, "gripper", gripper.problem))
 
     def _failed(self, error: Exception) -> RobotFault:
         """The fault behind an exception of the client library, preferably from the robot's own state."""
         if isinstance(error, RobotFault):
             return self._latched(error)
-        wrong = fault_of_error(self._settings.address, error)
+        wrong = fault_of_error(self.called, error)
         if wrong.fault in ("reflex", "ended", "user-stop"):
             end, told = time.monotonic() + _TOLD_S, None
             try:
@@ -317,7 +318,7 @@ class FrankaLink(Link):
                     told = self._told(self._robot.state)
                 wrong = told or wrong
             except Exception as further:
-                wrong = fault_of_error(self._settings.address, further)
+                wrong = fault_of_error(self.called, further)
         return self._latched(wrong)
 
     def _latched(self, wrong: RobotFault) -> RobotFault:
@@ -350,9 +351,7 @@ class FrankaLink(Link):
         return float(self._read().time.to_sec())
 
     def checkpoint(self) -> bytes:
-        raise BackendUnavailable(
-            "robot", self._settings.address, "hardware cannot be restored", "put things back by hand"
-        )
+        raise BackendUnavailable("robot", self.called, "hardware cannot be restored", "put things back by hand")
 
     def restore(self, checkpoint: bytes) -> None:
         self.checkpoint()

@@ -67,7 +67,7 @@ class FrankaDouble(RobotDriver):
             raise InvalidArgument("robot.gripper_driver", "the double brings its Hand", "included")
         if simulator.control_period > 1.01 * self.longest_tick:
             given = f"has a control period of {1000 * simulator.control_period:g} ms"
-            raise InvalidArgument("simulator", given, "1 ms for robot.mode=impedance: shorten_tick(0.001)")
+            raise InvalidArgument("simulator", given, "1 ms for robot.driver.mode=impedance: shorten_tick(0.001)")
         return RehearsalLink(self._settings, robot, simulator)
 
 
@@ -122,6 +122,7 @@ class RehearsalLink(Link):
         )
         link = FrankaDriver(settings).link(self._robot, IncludedGripper())
         assert isinstance(link, FrankaLink)
+        link.called = "franka-double"
         link.real_time = False  # the double's clock is the simulator's
         return link
 
