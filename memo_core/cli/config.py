@@ -189,7 +189,29 @@ def _missing(experiment: Experiment) -> list[str]:
         for value in attrs.asdict(section, recurse=False).values():
             values += value if isinstance(value, tuple) else [value]
     found = [value.unavailable() for value in values if isinstance(value, Choice)]
-    return list(dict.fromkeys(str(one) for one in found if one is not None))
+    return list(dict.fromkeys(str(one) for one in found if one is not None)) or _unpriced(experiment)
+
+
+def _unpriced(experiment: Experiment) -> list[str]:
+    """Why a limit in dollars cannot be kept, if there is one and the model's price is not known."""
+    from memo_core.errors import MemoError
+    from memo_core.llm.budget import Budget, Limit
+    from memo_core.runs.factories import models_of
+
+    run = experiment.section("run")
+    if run.max_cost is None and run.study_max_cost is None:
+        return []
+    problems = []
+    for choice in models_of(experiment):
+        llm = choice.create()
+        try:
+            llm.open()
+            Budget(Limit(run.max_cost), study=Limit(run.study_max_cost)).open(llm)
+        except MemoError as error:
+            problems.append(str(error))
+        finally:
+            llm.close()
+    return problems
 
 
 def _text(value: object) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, strategies as st
 
+from memo_core.cli.app import run_app
 from memo_core.cli.main import main
 from memo_core.config import ConfigErrors, load_experiment
 from memo_core.config.layers import FromOption
@@ -328,3 +329,16 @@ def test_a_base_in_other_units_is_told_with_what_is_meant(setting, said):
 def test_wrong_indentation_is_told_in_plain_words(text, line, said, tmp_path):
     found = one_issue(text, folder=tmp_path)
     assert found[0] == line and said in found[2]
+
+
+@pytest.mark.parametrize("setting", ["run.max_cost", "run.study_max_cost"])
+def test_a_limit_in_dollars_that_cannot_be_kept_is_said_before_the_run(setting, capsys, tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text("llm: {backend: litellm, model: openai/my-model, api_base: 'http://127.0.0.1:9/v1'}\n")
+    assert run_app(["config", "check", str(file)]) == 0
+    assert "price" not in capsys.readouterr().err
+    limit = ["--set", f"{setting}=2", "--set", "run.study_ledger=study.ledger"]
+    assert run_app(["config", "check", str(file), *limit]) == 0
+    printed = capsys.readouterr()
+    assert "cannot be run here yet" in printed.out
+    assert f"{setting} cannot be kept" in printed.err and "llm.prompt_price" in printed.err
