@@ -49,6 +49,14 @@ class SubtaskStarted(Event):
 
 
 @attrs.frozen
+class WorldPutBack(Event):
+    """The world is as at the start of the subtask again, before another attempt or another plan."""
+
+    subtask: str
+    by: str  # "simulator", or "person" who put the objects back by hand
+
+
+@attrs.frozen
 class ModelAsked(Event):
     """A model begins to work on an answer; a ``ModelCalled`` follows, or a stop abandons the call."""
 
@@ -69,6 +77,7 @@ class ModelCalled(Event):
     note: str = ""  # how the answer came about, where that is not by asking
     problem: str = ""  # why there is no answer; the tokens are then what the call cost all the same
     cached_tokens: int = 0  # of the prompt tokens, read from the provider's cache
+    unusable: str = ""  # why the answer cannot be used, as the model is told when it is asked again
 
 
 @attrs.frozen

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 import threading
 from collections import Counter
 from collections.abc import Callable
@@ -29,6 +30,7 @@ from memo_core.events import (
     SkillStarted,
     SubtaskEnded,
     SubtaskStarted,
+    WorldPutBack,
 )
 from memo_core.llm.spending import prompt_words
 from memo_core.skillbook.model.entries import headline
@@ -36,6 +38,7 @@ from memo_core.text import terminal
 
 STATUS_COLOURS = {"approved": "green", "corrected": "yellow", "unobserved": "dim"}
 NEAR_MISSES = 3
+_REASON = 160  # characters of why an answer cannot be used
 
 
 class Narrator:
@@ -139,8 +142,14 @@ class Narrator:
             self._matches[event.note] += 1
         elif event.note:
             self.say(f"  {event.note}", "dim")
+        if event.unusable:
+            self.say(f"  cannot be used: {textwrap.shorten(event.unusable, _REASON, placeholder=' …')}", "yellow")
         if event.not_understood:
             self.say(f"  not understood: {', '.join(event.not_understood)}", "yellow")
+
+    def _on_WorldPutBack(self, event: WorldPutBack) -> None:
+        how = "a person put the objects back" if event.by == "person" else "the world is put back"
+        self.say(f"  {how}: as at the start of {event.subtask}", "dim")
 
     def _on_Retrieved(self, event: Retrieved) -> None:
         if not event.served:

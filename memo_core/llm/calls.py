@@ -90,29 +90,33 @@ class ModelCalls:
         """Calls to another model with the same log and budget."""
         return ModelCalls(llm, self._stop, self._log, self._emit, self._budget, self._retrying, self._on_text)
 
-    def answer(self, request: Request, read: Callable[[str], object] = len) -> tuple[Answer, str]:
-        """The answer and its file in the run folder. ``read`` is called with its text while a stop can still abandon
-        the call, so that a caller that remembers its result need not take time for it afterwards. Raises
-        ``LanguageModelError`` when asking again does not help, ``BudgetExceeded``, ``Stopped``."""
-        attempt = 0
+    def answer(self, request: Request, read: Callable[[Answer], str] = lambda _: "") -> tuple[Answer, str]:
+        """The answer and its file in the run folder. ``read`` is called with it while a stop can still abandon the
+        call, so that a caller that remembers its result need not take time for it afterwards, and once more; it returns
+        why the answer cannot be used, or "". Raises ``LanguageModelError`` when asking again does not help,
+        ``BudgetExceeded``, ``Stopped``."""
+        attempt, said = 0, ""
         while True:
             try:
                 return self._once(request, read)
             except LanguageModelError as error:
                 failed = error
             attempt += 1
-            self._back_off(request, attempt, failed)
+            said = self._back_off(request, attempt, failed, said)
 
-    def _back_off(self, request: Request, attempt: int, failed: LanguageModelError) -> None:
-        """Wait before asking again. Raises ``failed`` if a retry cannot help, ``Stopped``."""
+    def _back_off(self, request: Request, attempt: int, failed: LanguageModelError, said: str) -> str:
+        """Wait before asking again, and return the message of ``failed``; ``said``: that of the attempt before. Raises
+        ``failed`` if a retry cannot help, ``Stopped``."""
         wait = self._log.effect(_BACK_OFF, str(attempt), lambda _: self._retrying.wait_s(attempt - 1, failed))
         if wait is None:
             raise failed
-        words = f"{failed}; asked again in {wait:.1f} s ({attempt} of {self._retrying.times})"
+        problem = "the same again" if str(failed) == said else str(failed)
+        words = f"{problem}; asked again in {wait:.1f} s ({attempt} of {self._retrying.times})"
         self._emit(Problem(f"asking for the {request.phase}", words))
         self._log.effect(_PAUSE, str(attempt), lambda _: self._pause(wait))
+        return str(failed)
 
-    def _once(self, request: Request, read: Callable[[str], object]) -> tuple[Answer, str]:
+    def _once(self, request: Request, read: Callable[[Answer], str]) -> tuple[Answer, str]:
         started = time.monotonic()
         about = f"{request.phase} {request.digest}"
         kind = Effect(ASK, self._keep, self._read, outside=True, errors=(LanguageModelError, BudgetExceeded))  # type: Effect[_Answered]
@@ -129,7 +133,8 @@ class ModelCalls:
         except LanguageModelError as error:
             self._emit(self._called(request, error, time.monotonic() - started, False))
             raise
-        self._emit(self._called(request, answered.answer, time.monotonic() - started, False))
+        took, unusable = time.monotonic() - started, self._redact(read(answered.answer))
+        self._emit(attrs.evolve(self._called(request, answered.answer, took, False), unusable=unusable))
         return answered.answer, answered.file
 
     def _with_other_prompts(self, request: Request, number: int, logged: str) -> bool:
@@ -157,8 +162,9 @@ class ModelCalls:
             raise result
         return None if result is None else _Answered(result, file)
 
-    def _ask(self, request: Request, file: str, number: int, read: Callable[[str], object]) -> _Answered:
+    def _ask(self, request: Request, file: str, number: int, read: Callable[[Answer], str]) -> _Answered:
         begun: list[int] = []
+        unusable = [""]
         started = time.monotonic()
         given_up = threading.Event()
         shown = self._redact.pieces(self._shower(request.phase, given_up)) if self._on_text else None
@@ -177,7 +183,7 @@ class ModelCalls:
             if shown is not None:
                 shown.end()
             answer = _shortened(attrs.evolve(answer, text=_HALVES.sub("\ufffd", self._redact(answer.text))))
-            read(answer.text)
+            unusable.append(self._redact(read(answer)))
             return answer
 
         def over(result: Answer | BaseException, abandoned: bool) -> str:
@@ -185,7 +191,7 @@ class ModelCalls:
             if not begun:
                 return ""  # it was never made
             try:
-                return self._log.write(file, call_text(request, result, self._problem(result), abandoned))
+                return self._log.write(file, call_text(request, result, self._problem(result), abandoned, unusable[-1]))
             finally:
                 self._budget.end(begun[0], usage_of(result))
 

@@ -24,8 +24,10 @@ def call_name(number: int, phase: str) -> str:
     return f"calls/{number:04d}-{phase}.json"
 
 
-def call_text(request: Request, result: Answer | BaseException, problem: str, abandoned: bool) -> str:
-    """The contents of a call's file; ``problem``: why there is no answer."""
+def call_text(
+    request: Request, result: Answer | BaseException, problem: str, abandoned: bool, unusable: str = ""
+) -> str:
+    """The contents of a call's file; ``problem``: why there is no answer, ``unusable``: why it cannot be used."""
     answer = result if isinstance(result, Answer) else None
     spent = None if answer is not None else usage_of(result)
     kept = {
@@ -36,6 +38,7 @@ def call_text(request: Request, result: Answer | BaseException, problem: str, ab
         "prompt": request.prompt,
         "abandoned": abandoned,
         "problem": problem,
+        "unusable": unusable,
         "error": _error_record(result),
         "answer": None if answer is None else attrs.asdict(answer),
         "usage": None if spent is None else attrs.asdict(spent),  # of a call without an answer

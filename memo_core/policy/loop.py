@@ -18,7 +18,7 @@ from typing import Any
 import attrs
 
 from memo_core.errors import Stopped
-from memo_core.events import CodeEnded, CodeWritten, Problem, SubtaskEnded, SubtaskStarted
+from memo_core.events import CodeEnded, CodeWritten, Problem, SubtaskEnded, SubtaskStarted, WorldPutBack
 from memo_core.interfaces.backend import Memory
 from memo_core.interfaces.llm import LanguageModelError
 from memo_core.interfaces.teacher import Episode, Program, Proposal, Sighting, TaskEpisode
@@ -155,7 +155,9 @@ class Loop:
             if not self._plan_approved(key):
                 continue
             if self._asked_too_often(key):
-                return self._ended(f"{key} was tried {self._settings.repeats} times and is still asked for")
+                return self._ended(
+                    f"{key} was tried {self._settings.repeats} times and is still asked for (run.repeats)"
+                )
             at = _Subtask(key, self._world.checkpoint(), self._world.glance(), Attempt(1, self._world.scene))
             try:
                 self._end_subtask(at, self._subtask(at))
@@ -377,7 +379,7 @@ class Loop:
         for repair in range(self._settings.repairs + 1):
             if repair and self._restarts:
                 self._count_time(at.attempt)
-                self._world.restore(at.start)
+                self._restore_start(at)
                 at.attempt.began, moved = self._world.time, False
             code = self._code(at, tried, repair)
             if repair and code == tried[-1].code:
@@ -504,12 +506,18 @@ class Loop:
         """Restore the world to the subtask's start: exactly if the link can, otherwise by a person and with a new look.
         False if nobody did."""
         if self._world.exact:
-            self._world.restore(at.start)
+            self._restore_start(at)
             return True
         if at.attempt.moved and not self._person.put_back(self._episode(at)):
             return False
+        if at.attempt.moved:
+            self._session.emit(WorldPutBack(str(at.key), "person"))
         self._world.look()
         return True
+
+    def _restore_start(self, at: _Subtask) -> None:
+        self._world.restore(at.start)
+        self._session.emit(WorldPutBack(str(at.key), "simulator"))
 
     def _episode(self, at: _Subtask) -> Episode:
         return Episode(
@@ -551,7 +559,7 @@ class Loop:
             tried = f"{settings.subtasks} subtasks were tried, the most that run.subtasks allows"
             return f"{tried}, and the planner had not called the task done"
         if self._robot_s > settings.time_limit_s:
-            return f"the time limit of {settings.time_limit_s:g} s is reached, all attempts together"
+            return f"the time limit of {settings.time_limit_s:g} s is reached, all attempts together (run.time_limit_s)"
         if self._world.time - began > self._session.environment.time_limit:
             return f"the task's time limit of {self._session.environment.time_limit:g} s is reached"
         return TIME_IS_UP if last and self._time_is_up() else ""

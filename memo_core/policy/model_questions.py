@@ -123,7 +123,7 @@ def put(
 ) -> tuple[T, Asked]:
     """Ask a question, and up to ``reasks`` times again with the reason while ``read`` raises ``Unreadable`` or the
     answer is withheld or cut off. Raises as ``Questions.ask``."""
-    asked, reader = 0, _Reader(read)
+    asked, reader = 0, _Reader(lambda answer: read(_complete(phase, answer, calls.model)))
     while True:
         asked += 1
         request = Request(phase, messages, schema, seed, stamp)
@@ -135,39 +135,45 @@ def put(
             # The provider withheld its answer to this question; it would answer others.
             raise Unreadable(phase, f"{calls.model}: {error.problem}", cause=error.cause) from error
         try:
-            return reader(_complete(phase, answer, calls.model)), Asked(asked, file)
+            return reader(answer), Asked(asked, file)
         except Unreadable as error:
             if asked > reasks:
                 raise
             if answer.text.strip():  # several providers reject a message without text
                 messages = (*messages, Message("assistant", answer.text))
-            again = _INCOMPLETE.get(error.cause, error.problem)
-            again = f"This answer cannot be used: {again}. Answer once more, in the form asked for."
+            again = f"This answer cannot be used: {_for_the_model(error)}. Answer once more, in the form asked for."
             messages = (*messages, Message("user", again))
 
 
 class _Reader(Generic[T]):
     """Reads an answer ahead of time, where a stop can abandon it, and remembers the result."""
 
-    def __init__(self, read: Callable[[str], T]) -> None:
+    def __init__(self, read: Callable[[Answer], T]) -> None:
         self._read = read
-        self._ready: tuple[str, T | None, Unreadable | None] | None = None
+        self._ready: tuple[Answer, T | None, Unreadable | None] | None = None
 
-    def prepare(self, text: str) -> None:
-        try:
-            self._ready = (text, self._read(text), None)
-        except Unreadable as error:
-            self._ready = (text, None, error)
+    def prepare(self, answer: Answer) -> str:
+        """Read an answer, once. Returns why it cannot be used, in words for the model; "" if it can."""
+        if self._ready is None or self._ready[0] is not answer:
+            try:
+                self._ready = (answer, self._read(answer), None)
+            except Unreadable as error:
+                self._ready = (answer, None, error)
+        unread = self._ready[2]
+        return "" if unread is None else _for_the_model(unread)
 
-    def __call__(self, text: str) -> T:
+    def __call__(self, answer: Answer) -> T:
         """Raises ``Unreadable``."""
-        ready = self._ready
-        if ready is None or ready[0] != text:
-            return self._read(text)  # answered from the run's log
-        _, value, error = ready
+        self.prepare(answer)
+        assert self._ready is not None
+        _, value, error = self._ready
         if error is not None:
             raise error
         return cast(T, value)
+
+
+def _for_the_model(error: Unreadable) -> str:
+    return _INCOMPLETE.get(error.cause, error.problem)
 
 
 def _complete(phase: str, answer: Answer, model: str) -> str:

@@ -21,7 +21,9 @@ from memo_core.interfaces.llm import Answer, LanguageModelError, Message, Reques
 from memo_core.llm.budget import Budget, BudgetExceeded, Limit, UnknownPrice
 from memo_core.llm.calls import LONGEST_WAIT_S, ModelCalls, Retrying
 from memo_core.llm.ledger import Ledger, LedgerError, read_ledger
+from memo_core.llm.readers import Unreadable
 from memo_core.llm.spending import Spent
+from memo_core.policy.model_questions import put
 from memo_core.policy.settings import RunSettings
 from memo_core.process.stop_switch import StopSwitch
 from memo_core.runlog.log_file import FILE, read_lines
@@ -44,11 +46,13 @@ class KeptFiles(RunLog):
     def __init__(self) -> None:
         super().__init__()
         self.kept_calls: list[tuple] = []
+        self.unusable: list[str] = []
 
     def write(self, name: str, text: str) -> str:
         kept = json.loads(text)
         answer = None if kept["answer"] is None else cattrs.structure(kept["answer"], Answer)
         usage = None if kept["usage"] is None else Usage(**kept["usage"])
+        self.unusable.append(kept["unusable"])
         self.kept_calls.append((answer, kept["problem"], kept["abandoned"], usage))
         return f"calls/{len(self.kept_calls)}.json"
 
@@ -84,6 +88,32 @@ def test_what_may_pass_is_asked_again_and_every_call_is_kept():
     assert bench.budget.spent.prompt_tokens == sum(event.prompt_tokens for event in called) == 50 + 4
     assert bench.budget.spent.cost == pytest.approx(0.5 + 0.004)
     assert "asked again in" in bench.of(Problem)[0].message
+
+
+def test_a_problem_that_stays_the_same_is_said_in_full_once():
+    long = LanguageModelError("scripted", "overloaded " * 20, True)
+    bench = Bench([long, long, may_pass(), "GO(home)"])
+    bench.calls.answer(QUESTION)
+    first, second, other = [event.message for event in bench.of(Problem)]
+    assert str(long) in first
+    assert second.startswith("the same again; asked again in") and "(2 of 3)" in second
+    assert other.startswith(str(may_pass()))
+
+
+def test_why_an_answer_cannot_be_used_is_in_its_event_and_its_file_as_the_model_is_told():
+    def read(text: str) -> str:
+        if "GO" not in text:
+            raise Unreadable("plan", "it names no subtask", text)
+        return text
+
+    bench = Bench(["I would rather not.", Answer("GO(", "length"), "GO(home)"])
+    text, _ = put(bench.calls, "plan", QUESTION.messages, read, 2)
+    assert text == "GO(home)"
+    reasons = [event.unusable for event in bench.of(ModelCalled)]
+    assert reasons == ["it names no subtask", "it was cut off at the model's length limit; answer more briefly", ""]
+    assert bench.log.unusable == reasons
+    for asked, reason in zip(bench.llm.asked[1:], reasons, strict=False):
+        assert f"cannot be used: {reason}." in asked.messages[-1].text
 
 
 def test_what_will_not_pass_is_not_asked_again():

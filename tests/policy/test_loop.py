@@ -8,7 +8,16 @@ import time
 
 import pytest
 
-from memo_core.events import CodeEnded, EntryStored, FeedbackGiven, ModelCalled, Problem, Retrieved
+from memo_core.events import (
+    CodeEnded,
+    EntryStored,
+    FeedbackGiven,
+    ModelCalled,
+    Problem,
+    Retrieved,
+    SubtaskStarted,
+    WorldPutBack,
+)
 from memo_core.interfaces.llm import Answer, LanguageModelError, Usage
 from memo_core.interfaces.teacher import Episode, Verdict
 from memo_core.llm.readers import Unreadable
@@ -55,6 +64,15 @@ def test_a_correction_is_learnt_and_the_second_try_starts_where_the_first_did(sa
     assert template.text.startswith("def pick(name):")
     [correction] = book.entries("correction")
     assert (correction.uses, correction.confirmed_uses) == (1, 1)
+
+
+@pytest.mark.process
+def test_that_the_world_is_put_back_after_a_correction_is_an_event_before_the_next_attempt(sandbox, book):
+    bench = Bench(sandbox, book, dict(TWICE), [NO, YES])
+    bench.run()
+    order = [event for event in bench.events if isinstance(event, (SubtaskStarted, WorldPutBack))]
+    assert [type(event) for event in order] == [SubtaskStarted, WorldPutBack, SubtaskStarted]
+    assert order[1].subtask == "PICK_UP(red cube)" and order[1].by == "simulator"
 
 
 def test_words_are_on_disk_verbatim_before_a_model_hears_of_them(sandbox, book):
@@ -430,6 +448,7 @@ def test_a_world_that_cannot_be_restored_is_put_back_by_a_person_and_looked_at_a
     bench = Bench(sandbox, book, TWICE, [NO, YES], environment=by_hand(), session={"put_back": tidy})
     [subtask] = bench.run().subtasks
     assert (subtask.status, subtask.attempts) == ("approved", 2)
+    assert [event.by for event in bench.of(WorldPutBack)] == ["person"]
     [episode] = asked
     assert episode.subtask == "PICK_UP(red cube)" and episode.before.node("red cube")
 

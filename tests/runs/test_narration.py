@@ -7,7 +7,7 @@ import io
 from rich.console import Console
 
 from memo_core.cli.narration import Narrator
-from memo_core.events import CodeWritten, EntryServed, ModelCalled, Retrieved, RunEnded
+from memo_core.events import CodeWritten, EntryServed, ModelCalled, Retrieved, RunEnded, WorldPutBack
 from memo_core.skillbook.model.entries import headline
 
 TEMPLATE = (
@@ -53,6 +53,33 @@ def test_what_a_model_writes_is_folded_where_it_is_not_asked_for_and_never_strea
         assert "code: 2 lines" in shown.getvalue() and "--verbose" in shown.getvalue()
         assert "slowly" not in shown.getvalue() and "def " not in shown.getvalue()
         assert shown.getvalue().count("being written …") == (3 if terminal else 0)
+
+
+def narrated(*events) -> str:
+    shown = io.StringIO()
+    narrator = Narrator(Console(file=shown, width=300, no_color=True, highlight=False), code=False)
+    for event in events:
+        narrator(event)
+    return shown.getvalue()
+
+
+def test_an_answer_that_cannot_be_used_has_its_reason_in_one_line():
+    reason = "it has no program\n" + "at all " * 100
+    shown = narrated(ModelCalled("code", "m", 5, 1, None, 0.6, unusable=reason))
+    [line] = [line for line in shown.splitlines() if "cannot be used" in line]
+    assert "it has no program at all" in line and line.endswith("…") and len(line) < 200
+    assert "cannot be used" not in narrated(ModelCalled("code", "m", 5, 1, None, 0.6))
+
+
+def test_that_the_world_was_put_back_is_said():
+    assert "put back: as at the start of OPEN(door)" in narrated(WorldPutBack("OPEN(door)", "simulator"))
+    assert "a person" in narrated(WorldPutBack("OPEN(door)", "person"))
+
+
+def test_a_template_is_listed_by_a_whole_sentence():
+    wrapped = 'def f():\n    """Lead the handle, e.g. of a door, along\n    an arc. Slowly.\n\n    More."""\n'
+    assert headline("template", wrapped) == "f: Lead the handle, e.g. of a door, along an arc."
+    assert headline("template", 'def f():\n    """No full stop\n    here"""\n') == "f: No full stop here"
 
 
 def test_a_template_is_listed_by_what_it_does():

@@ -1,4 +1,4 @@
-"""How much is retrieved, and by which score."""
+"""Settings of retrieval: how much is retrieved, and by which score."""
 
 from __future__ import annotations
 
