@@ -63,6 +63,7 @@ class Narrator:
         self._lock = threading.Lock()
         self._writing = ""  # the phase whose answer is on the screen, unfinished
         self._shown_while_written = ""  # the last that was
+        self._problem = ""  # why the last call of a model had no answer
         self._live = False  # whether a person follows the motion, and may want to know what the robot is at
 
     def __call__(self, event: Event) -> None:
@@ -136,7 +137,8 @@ class Narrator:
         if event.cost:
             words += f", ${event.cost:.4f}"
         if event.problem:
-            words += f", no answer: {event.problem}"
+            words += ", no answer" + (f": {event.problem}" if event.problem != self._problem else "")
+        self._problem = event.problem
         self.say(words + (", abandoned" if event.abandoned else ""), "dim")
         if event.note and self._replay:
             self._matches[event.note] += 1
@@ -218,7 +220,8 @@ class Narrator:
         self.console.print(f"  [{colour}]{event.status}[/] after {event.attempts} attempt{'s' * (event.attempts != 1)}")
 
     def _on_Problem(self, event: Problem) -> None:
-        self.say(f"  {event.where}: {event.message}", "yellow")
+        known = f"{self._problem}; " if self._problem else ""  # said of the call that failed
+        self.say(f"  {event.where}: {event.message.removeprefix(known)}", "yellow")
 
     def _on_RunEnded(self, event: RunEnded) -> None:
         verdict = {

@@ -7,7 +7,7 @@ import io
 from rich.console import Console
 
 from memo_core.cli.narration import Narrator
-from memo_core.events import CodeWritten, EntryServed, ModelCalled, Retrieved, RunEnded, WorldPutBack
+from memo_core.events import CodeWritten, EntryServed, ModelCalled, Problem, Retrieved, RunEnded, WorldPutBack
 from memo_core.skillbook.model.entries import headline
 
 TEMPLATE = (
@@ -69,6 +69,17 @@ def test_an_answer_that_cannot_be_used_has_its_reason_in_one_line():
     [line] = [line for line in shown.splitlines() if "cannot be used" in line]
     assert "it has no program at all" in line and line.endswith("…") and len(line) < 200
     assert "cannot be used" not in narrated(ModelCalled("code", "m", 5, 1, None, 0.6))
+
+
+def test_a_server_that_stays_away_is_said_to_once_and_each_retry_in_a_short_line():
+    why = "m: http://127.0.0.1:9 cannot be reached: refused; check llm.api_base"
+    events = []
+    for attempt, problem in enumerate((why, "the same again", "the same again"), start=1):
+        events += [ModelCalled("plan", "m", 0, 0, None, 0.1, problem=why)]
+        events += [Problem("asking for the plan", f"{problem}; asked again in 1.0 s ({attempt} of 3)")]
+    shown = narrated(*events)
+    assert shown.count(why) == 1
+    assert all(f"asked again in 1.0 s ({attempt} of 3)" in shown for attempt in (1, 2, 3))
 
 
 def test_that_the_world_was_put_back_is_said():
