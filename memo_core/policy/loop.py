@@ -69,7 +69,7 @@ class _Subtask:
             attempt.printed,
             attempt.error,
             served.functions if served else (),
-            tuple(attempt.tried[:-1] if attempt.error else attempt.tried),
+            tuple(tried for tried in attempt.tried if tried.code != attempt.code),
         )
 
     def result(self, status: Status, problem: str = "") -> SubtaskResult:
