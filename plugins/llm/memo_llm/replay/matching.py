@@ -101,7 +101,9 @@ def _situation(request: Request) -> str:
     for heading, text in sorted(prompt.sections.items()):
         first = heading.split(" ")[0]
         lines = [line for line in text.splitlines() if line.startswith("- ")]
-        if first in ("task", "subtask", "what", "about", "notes"):
+        if heading == "what people said about plans":  # without how they are introduced, and in which order
+            about.append((first, sorted(lines)))
+        elif first in ("task", "subtask", "what", "about", "notes"):
             about.append((first, text))
         elif first in ("code", "programs"):
             about.append((first, [one.strip() for one in re.findall(r"^```python\n(.*?)^```", text, re.S | re.M)]))
