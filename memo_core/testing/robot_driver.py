@@ -8,7 +8,8 @@ Rules take ``(make, robot)``; ``RULES`` binds a described test arm, ``rules_for(
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import attrs
 import numpy as np
@@ -62,6 +63,17 @@ def _link(make: Make, robot: RobotDescription) -> Link:
     return link
 
 
+@contextmanager
+def _opened(make: Make, robot: RobotDescription) -> Iterator[Link]:
+    """An open link, closed at the end."""
+    link = _link(make, robot)
+    link.open()
+    try:
+        yield link
+    finally:
+        link.close()
+
+
 @rule
 def making_a_link_connects_nothing(make: Make, robot: RobotDescription) -> None:
     """``link`` returns a new, unopened link each time: not healthy, with a reason, and its gripper untouched."""
@@ -78,13 +90,9 @@ def making_a_link_connects_nothing(make: Make, robot: RobotDescription) -> None:
 @rule
 def each_joint_has_one_finite_value(make: Make, robot: RobotDescription) -> None:
     """An open link answers for as many joints as the described robot has, or ``link`` refuses the robot."""
-    link = _link(make, robot)
-    link.open()
-    try:
+    with _opened(make, robot) as link:
         problem = uncounted(link)
         assert not problem, f"{problem}; for a robot of another number link() raises InvalidArgument"
-    finally:
-        link.close()
 
 
 @rule
@@ -100,21 +108,15 @@ def closing_is_allowed_at_any_time(make: Make, robot: RobotDescription) -> None:
 @rule
 def an_open_link_is_ready_and_a_closed_one_is_not(make: Make, robot: RobotDescription) -> None:
     """``health`` follows ``open`` and ``close``."""
-    link = _link(make, robot)
-    link.open()
-    try:
+    with _opened(make, robot) as link:
         assert link.health().ready, f"not ready after open: {link.health().problem}"
-    finally:
-        link.close()
     assert not link.health().ready, "it says that it is ready after close"
 
 
 @rule
 def a_latched_stop_is_no_health(make: Make, robot: RobotDescription) -> None:
     """While the stop is latched the link is not ready and refuses motion; ``release`` makes it ready again."""
-    link = _link(make, robot)
-    link.open()
-    try:
+    with _opened(make, robot) as link:
         link.stop()
         assert not link.health().ready and link.health().problem, "ready, or silent, while the stop is latched"
         try:
@@ -125,8 +127,6 @@ def a_latched_stop_is_no_health(make: Make, robot: RobotDescription) -> None:
             raise AssertionError("it moved although the stop was latched")
         link.release()
         assert link.health().ready, f"not ready after the release: {link.health().problem}"
-    finally:
-        link.close()
 
 
 @rule
@@ -166,39 +166,27 @@ def a_stop_reaches_the_gripper(make: Make, robot: RobotDescription) -> None:
 def targets_start_where_the_arm_is(make: Make, robot: RobotDescription) -> None:
     """After ``open``, ``joint_targets`` is where the arm is measured, whatever the description's home posture is."""
     for home in (robot.home, tuple(float(angle) for angle in np.array(robot.home) + _ELSEWHERE)):
-        link = _link(make, attrs.evolve(robot, home=home))
-        link.open()
-        try:
+        with _opened(make, attrs.evolve(robot, home=home)) as link:
             problem = apart(link)
             assert not problem, f"{problem}, before anything was sent: the first command would make the arm leap"
-        finally:
-            link.close()
 
 
 @rule
 def sends_take_a_control_period_of_real_time(make: Make, robot: RobotDescription) -> None:
     """``send`` waits until the control period has passed on the clock on the wall, and ``real_time`` says so."""
-    link = _link(make, robot)
-    link.open()
-    try:
+    with _opened(make, robot) as link:
         assert link.real_time, "real_time is False: that is for links to simulators"
         sends_take_real_time(link)
-    finally:
-        link.close()
 
 
 @rule
 def the_clock_goes_by_itself(make: Make, robot: RobotDescription) -> None:
     """``time`` goes on while nothing is sent, no faster than the clock on the wall."""
-    link = _link(make, robot)
-    link.open()
-    try:
+    with _opened(make, robot) as link:
         began, first = time.monotonic(), link.time()
         time.sleep(_LISTENING_S)
         passed = link.time() - first
         wall = time.monotonic() - began
-    finally:
-        link.close()
     assert passed > 0.0, f"time() stood still for {wall:.2f} s: a robot's clock goes whether or not anything is sent"
     assert passed < 1.05 * wall + 0.02, f"time() went {passed:.2f} s in {wall:.2f} s"
 
