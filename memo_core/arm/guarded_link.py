@@ -211,13 +211,13 @@ class GuardedLink(Link):
         """Stop an arm that stays behind its commands: once it follows again, it would leap."""
         if self._gap is not None:  # nothing has been sent yet
             return
-        lag = self._lag * np.abs(self._last - self._before) / self.control_period
-        problem = apart(self._inner, _CARRIED + lag)
-        self._behind = self._behind + 1 if problem else 0
+        allowed = _CARRIED + self._lag * np.abs(self._last - self._before) / self.control_period
+        follows = np.abs(self._inner.joint_positions() - self._last) <= allowed  # False where it is not a number
+        self._behind = 0 if follows.all() else self._behind + 1
         if self._behind >= _TICKS:
+            told = f"stopped, since the arm does not follow its commands: {apart(self._inner, allowed)}"
             self._inner.stop()
             self._rest()
-            told = f"stopped, since the arm does not follow its commands: {problem}"
             remedy = "see what blocks it, or what its controller reports"
             raise RobotFault(self.description.name, "following", told, remedy)
 
