@@ -191,9 +191,8 @@ class SceneDescription:
     bodies: tuple[Body, ...] = attrs.field(validator=_is_tuple)
     cameras: tuple[Camera, ...] = attrs.field(default=(), validator=_is_tuple)
     latches: tuple[Latch, ...] = attrs.field(default=(), validator=_is_tuple)
-    mechanisms: tuple[Mechanism, ...] = attrs.field(
-        default=(), validator=_is_tuple
-    )  # locks and springs that conditions set and release
+    # Locks and springs that conditions set and release.
+    mechanisms: tuple[Mechanism, ...] = attrs.field(default=(), validator=_is_tuple)
     table_height: float = 0.0
     label: str = "table"  # how a person would name the scene; entries carry it
     gravity: float = 9.81  # m/s2
