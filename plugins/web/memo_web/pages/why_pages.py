@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
@@ -141,14 +142,21 @@ async def show_list(shelf: BookShelf) -> None:
         retired = ui.checkbox("also what was replaced")
     results = ui.column().classes("w-full gap-2").mark("results")
 
+    turn = asyncio.Lock()  # searches of quick typing follow one another
+
     async def refresh() -> None:
-        results.clear()
-        with results:
-            found = await shelf.read(
-                lambda book: search(book, (wanted.value or "")[:LONGEST_SEARCH], kind.value or "", bool(retired.value))
-            )
-            if found is not None:
-                _list(found)
+        async with turn:
+            before = list(results)
+            with results:
+                found = await shelf.read(
+                    lambda book: search(
+                        book, (wanted.value or "")[:LONGEST_SEARCH], kind.value or "", bool(retired.value)
+                    )
+                )
+                if found is not None:
+                    _list(found)
+            for element in before:
+                element.delete()
 
     for field in (kind, retired):
         field.on_value_change(refresh)
@@ -345,8 +353,8 @@ def _confirm(shelf: BookShelf, who: str, report: ui.column, done: Callable[[], A
                 ui.notify(f"Type {who} exactly as it is written here.", type="warning")
                 return
             dialog.close()
-            await _forget(shelf, who, report)
-            await done()
+            if await _forget(shelf, who, report):
+                await done()
 
         with ui.row():
             ui.button("Forget for good", on_click=forget, color="negative")
@@ -354,7 +362,9 @@ def _confirm(shelf: BookShelf, who: str, report: ui.column, done: Callable[[], A
     dialog.open()
 
 
-async def _forget(shelf: BookShelf, who: str, report: ui.column) -> None:
+async def _forget(shelf: BookShelf, who: str, report: ui.column) -> bool:
+    """Forget a person and report it; False, with the reason on the page, if that could not be done."""
+
     def work(book: Skillbook) -> Forgotten:
         check_quiet(run_folders(book), "person")
         return book.forget(who)
@@ -363,10 +373,11 @@ async def _forget(shelf: BookShelf, who: str, report: ui.column) -> None:
     with report:
         gone = await shelf.write(work)
         if gone is None:
-            return
+            return False
         words(f"{who} is forgotten: {gone.feedback} sentences and {gone.entries} entries were removed.")
         for file in (*gone.rewritten, *gone.deleted):
             words(f"cleaned: {file}")
         words("Not reached, to be seen to by hand:")
         for where in gone.unreached:
             words(f"– {where}")
+        return True
