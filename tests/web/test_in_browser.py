@@ -110,8 +110,7 @@ def test_a_person_teaches_the_microwave(browser, tmp_path):
         page.get_by_test_id("activity").filter(has_text="follow_path").wait_for()
         assert page.get_by_test_id("task").inner_text() == "Task: put the food in the microwave"
         first = _pixels(page)
-        page.wait_for_timeout(700)
-        assert np.abs(first - _pixels(page)).max() > 40  # the arm was seen to move
+        _until(lambda: np.abs(first - _pixels(page)).max() > 40)  # the arm is seen to move
 
         page.keyboard.press("Escape")
         page.get_by_test_id("stop-state").filter(has_text="stopped").wait_for()
@@ -154,7 +153,7 @@ def _look_again(page, url):
     seen = set()
     for _ in range(6):
         page.keyboard.press("PageUp")
-        page.wait_for_timeout(100)
+        page.wait_for_timeout(300)
         seen.add(page.get_by_test_id("clock").inner_text())
     assert len(seen) > 3
     assert _pixels(page).std() > 10  # robot and scene are drawn, though the run is over
@@ -296,12 +295,17 @@ def test_on_a_phone_the_question_is_above_the_pictures_and_nothing_is_cut_off(br
     pages.send("question", keep="question", question=question | {"words": "What was wrong?"})
     with opened(browser, f"{pages.url}teach") as page:
         page.get_by_test_id("asked").wait_for()
+        page.locator("canvas").first.wait_for()
         for width, above in ((1300, False), (390, True)):
             page.set_viewport_size({"width": width, "height": 844})
-            page.wait_for_timeout(500)
-            asked, seen = page.get_by_test_id("asked").bounding_box(), page.locator("canvas").first.bounding_box()
-            assert (asked["y"] < seen["y"] - 200, asked["x"] < seen["x"] + 50) == (above, above)
-            assert page.evaluate("document.documentElement.scrollWidth") == width
+            _until(lambda above=above: _question_above(page) == (above, above))
+            _until(lambda width=width: page.evaluate("document.documentElement.scrollWidth") == width)
+
+
+def _question_above(page):
+    """Whether the question is above the scene, and whether it begins at the same side."""
+    asked, seen = page.get_by_test_id("asked").bounding_box(), page.locator("canvas").first.bounding_box()
+    return asked["y"] < seen["y"] - 200, asked["x"] < seen["x"] + 50
 
 
 def test_how_a_run_ended_is_said_once(browser, pages):
