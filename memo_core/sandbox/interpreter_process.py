@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from pydantic_monty import Monty, MontySession
 from pydantic_monty._binary import find_monty_binary
 
+from memo_core.errors import BackendUnavailable
 from memo_core.process.temporary_folders import scratch_folder
 from memo_core.sandbox.limits import Limits
 
@@ -35,7 +36,11 @@ class WorkerPool:
                 self._pool = self._started()
 
     def _started(self) -> Monty:
-        binary = find_monty_binary()
+        try:
+            binary = find_monty_binary()
+        except FileNotFoundError as error:
+            remedy = "pip install --force-reinstall pydantic-monty, or name it in the variable MONTY_BIN"
+            raise BackendUnavailable("sandbox", "pydantic-monty", "its program `monty` is missing", remedy) from error
         if shutil.which("sh"):
             binary = self._confined(binary)
         pool = Monty(

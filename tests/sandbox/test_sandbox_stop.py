@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from memo_core.errors import MotionError, Stopped
+from memo_core.errors import BackendUnavailable, MotionError, Stopped
 from memo_core.events import SkillCalled
 from memo_core.sandbox import Limits, Sandbox, Workspace, interpreter_process, prelude
 from memo_core.skills.contract import BUILTIN_SKILLS
@@ -226,3 +226,12 @@ def test_a_worker_that_stalls_before_the_code_begins_has_reached_the_limit(monke
     with Sandbox(skill_library(BUILTIN_SKILLS), Limits(seconds_between_calls=0.3, seconds_in_all=0.6)) as sandbox:
         execution = sandbox.run("print(1)", FakeControl(), stopped=lambda: False)
     assert (execution.ended, execution.kind) == ("limit", "time limit")
+
+
+def test_a_missing_interpreter_is_named_with_the_remedy(monkeypatch):
+    def missing() -> str:
+        raise FileNotFoundError("could not locate the `monty` binary")
+
+    monkeypatch.setattr(interpreter_process, "find_monty_binary", missing)
+    with pytest.raises(BackendUnavailable, match=r"`monty` is missing .pip install --force-reinstall pydantic-monty"):
+        interpreter_process.WorkerPool(Limits()).open()
