@@ -5,6 +5,7 @@ plugins, building the tree of commands, starting the sandbox. A share of the inp
 from __future__ import annotations
 
 import functools
+import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any
@@ -102,7 +103,12 @@ def stood_in() -> Iterator[None]:
     def command(typed: str) -> Any:  # Typer would build it anew for each call: most of the time of a short command
         return get_command(tree(typed))
 
+    originals = {
+        (name, id(fake)): getattr(factories, name)
+        for name, fake in (("world_of", environment_of), ("environment_of", environment_of), ("sandbox_of", sandbox_of))
+    }
     with ExitStack() as patches:
+        patches.callback(_put_back, originals)
         for module in (factories, run):
             patches.enter_context(patch.object(module, "world_of", environment_of))
             patches.enter_context(patch.object(module, "sandbox_of", sandbox_of))
@@ -117,3 +123,11 @@ def stood_in() -> Iterator[None]:
         finally:
             for sandbox in sandboxes.values():
                 Sandbox.close(sandbox)
+
+
+def _put_back(originals: dict[tuple[str, int], Any]) -> None:
+    """Replace stand-ins that modules imported first in the meantime have bound; ``originals`` is by name and id."""
+    for module in [one for name, one in sys.modules.items() if name.startswith("memo_")]:
+        for name, value in list(vars(module).items()):
+            if (name, id(value)) in originals:
+                setattr(module, name, originals[name, id(value)])
