@@ -61,8 +61,7 @@ FAULTS = {
     "sandbox": Fault(
         "no robot code runs",
         "the process that runs generated code cannot be started, or ends",
-        "the message says why; containers with a limit on processes or memory are the usual reason. "
-        "Where its program is missing: `pip install --force-reinstall pydantic-monty`",
+        "the message says why; containers with a limit on processes or memory are the usual reason",
     ),
     "skillbook": Fault(
         "a new skillbook cannot be opened",

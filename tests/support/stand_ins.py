@@ -82,7 +82,7 @@ def stood_in() -> Iterator[None]:
     from memo_core.cli import app, options
     from memo_core.config.experiment import Choice
     from memo_core.plugins.registry import Registry
-    from memo_core.runs import factories, run
+    from memo_core.runs import factories
 
     sandboxes: dict[Any, Sandbox] = {}
     make, create, tree = factories.sandbox_of, Choice.create, app._tree
@@ -103,16 +103,11 @@ def stood_in() -> Iterator[None]:
     def command(typed: str) -> Any:  # Typer would build it anew for each call: most of the time of a short command
         return get_command(tree(typed))
 
-    originals = {
-        (name, id(fake)): getattr(factories, name)
-        for name, fake in (("world_of", environment_of), ("environment_of", environment_of), ("sandbox_of", sandbox_of))
-    }
+    fakes = {"world_of": environment_of, "environment_of": environment_of, "sandbox_of": sandbox_of}
+    originals = {name: getattr(factories, name) for name in fakes}
     with ExitStack() as patches:
-        patches.callback(_put_back, originals)
-        for module in (factories, run):
-            patches.enter_context(patch.object(module, "world_of", environment_of))
-            patches.enter_context(patch.object(module, "sandbox_of", sandbox_of))
-        patches.enter_context(patch.object(factories, "environment_of", environment_of))
+        patches.callback(_rebind, fakes, originals)
+        _rebind(originals, fakes)
         patches.enter_context(patch.object(Choice, "create", created))
         patches.enter_context(patch.object(app, "installed", functools.cache(installed)))
         patches.enter_context(patch.object(app, "_tree", functools.cache(command)))
@@ -125,9 +120,9 @@ def stood_in() -> Iterator[None]:
                 Sandbox.close(sandbox)
 
 
-def _put_back(originals: dict[tuple[str, int], Any]) -> None:
-    """Replace stand-ins that modules imported first in the meantime have bound; ``originals`` is by name and id."""
+def _rebind(old: dict[str, Any], new: dict[str, Any]) -> None:
+    """Replace functions wherever a module has bound them: also one that was imported before or while they stood in."""
     for module in [one for name, one in sys.modules.items() if name.startswith("memo_")]:
-        for name, value in list(vars(module).items()):
-            if (name, id(value)) in originals:
-                setattr(module, name, originals[name, id(value)])
+        for name in old:
+            if vars(module).get(name) is old[name]:
+                setattr(module, name, new[name])

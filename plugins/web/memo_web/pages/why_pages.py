@@ -141,7 +141,6 @@ async def show_list(shelf: BookShelf) -> None:
         kind = ui.select(KINDS, value="", label="show").classes("w-56")
         retired = ui.checkbox("also what was replaced")
     results = ui.column().classes("w-full gap-2").mark("results")
-
     turn = asyncio.Lock()  # searches of quick typing follow one another
 
     async def refresh() -> None:
